@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.estimation.first_state import from_first_state
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
@@ -114,7 +115,12 @@ def explain(
     n, everything = len(estimation), [*estimation, *validation]
     learn, judge = records_of(estimation), records_of(validation)
     say("re-estimating the given structure")
-    baseline = fit_from_scratch(model, learn, limits=within_reach(model, recording_scales(model, learn)))
+    limits = within_reach(model, recording_scales(model, learn))
+    baseline = fit_from_scratch(model, learn, limits=limits)
+    judge = from_first_state(baseline, judge)
+    if (begun := from_first_state(baseline, learn)) is not learn:
+        learn = begun
+        baseline = fit_from_scratch(model, learn, limits=limits)
     if not np.isfinite(baseline.log_likelihood):
         raise RecordingError(
             f"{model.source} predicts nothing of {estimation[0].name}, whatever its parameters: see whether "

@@ -30,10 +30,10 @@ class Record:
     angle, rad, NaN where missing; ``exogenous`` (n,): the other arm's acceleration, rad/s^2;
     ``resolution``: rad, step of either encoder, or the rms of its noise where no step is known.
     ``at_rest``: the joint is known to rest at the first sample, which then counts like every other;
-    otherwise the observer is given time to find out, beginning with the speeds ``rates`` of motor and arm,
-    rad/s.  ``start``: s, time of the first sample, from which effects that depend on time count. ``moment``
-    (n,): of the input within each sample, in its unit times s² (see `acting`), where it is the mean of one
-    that changed faster.
+    otherwise the observer is given time to find out, beginning with the angles first read, and ``offsets``,
+    rad, and the speeds ``rates`` of motor and arm, rad/s. ``start``: s, time of the first sample, from which
+    effects that depend on time count. ``moment`` (n,): of the input within each sample, in its unit times s²
+    (see `acting`), where it is the mean of one that changed faster.
     """
 
     name: str
@@ -46,6 +46,7 @@ class Record:
     start: float = 0.0
     rates: tuple[float, float] = (0.0, 0.0)
     moment: FloatArray | None = None
+    offsets: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.input)
@@ -63,11 +64,11 @@ class Record:
         return int(np.count_nonzero(self.read[:, 0])), int(np.count_nonzero(self.read[:, 1]))
 
     def initial_state(self) -> FloatArray:
-        """Angles first read, and the speeds (which the observer corrects within some samples)."""
+        """Angles and speeds of motor and arm (which the observer corrects within some samples)."""
         first = self.measured[0]
         motor = float(np.nan_to_num(first[0]))
         arm = float(first[1]) if np.isfinite(first[1]) else motor
-        return np.array([motor, arm, *self.rates])
+        return np.array([motor + self.offsets[0], arm + self.offsets[1], *self.rates])
 
 
 def thinned(record: Record, rate: float) -> Record:

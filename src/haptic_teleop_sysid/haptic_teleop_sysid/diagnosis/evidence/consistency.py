@@ -173,7 +173,8 @@ def _spread(values: FloatArray) -> float:
 
 def _regressed(columns: FloatArray, drive: FloatArray) -> FloatArray:
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    return np.linalg.lstsq(columns / scale, drive, rcond=1e-9)[0] / scale
+    # By a pivoted QR decomposition, which does not iterate and cannot fail to converge.
+    return np.asarray(scipy.linalg.lstsq(columns / scale, drive, cond=1e-9, lapack_driver="gelsy")[0] / scale)
 
 
 def refuse_other_units(records: Sequence[Record]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations
 from haptic_teleop_sysid.estimation.noise import observer
 from haptic_teleop_sysid.estimation.records import Record
 
@@ -60,30 +61,38 @@ class Answers:
     def gains(
         self, entry: EffectEntry, parameter: EffectParameter, place: str, values: Sequence[float]
     ) -> FloatArray:
-        """Nats (values,) that the effect promises at each value of its scanned parameter."""
+        """Nats (values,) that the effect promises at each value of its scanned parameter; none where the
+        arithmetic fails."""
         found = np.zeros(len(values))
         channel = 1 if place.startswith("arm") else 0
-        motions = self.motions[channel]
         chunk = max(1, min(_CHUNK, _MOST_AT_ONCE // sum(len(r) for r in self.records)))
         for begin in range(0, len(values), chunk):
             some = values[begin : begin + chunk]
-            parts = []
-            for record, run, motion, (transition, gain, shown) in zip(
-                self.records, self.runs, motions, self.observers, strict=True
-            ):
-                torques = [columns(entry, parameter, v, motion) for v in some]
-                answers = answers_to(
-                    np.ascontiguousarray(np.concatenate(torques).T),
-                    channel,
-                    entry.kind == "output",
-                    record.read,
-                    transition,
-                    gain,
-                    shown,
-                )
-                parts.append(whiten(self.packed, record, run.innovation, answers)[1])
-            found[begin : begin + len(some)] = self._promised(parts, len(some))
+            with suppress(*FAILURES):
+                parts = self._answers_of(entry, parameter, some, channel)
+                found[begin : begin + len(some)] = self._promised(parts, len(some))
         return found
+
+    def _answers_of(
+        self, entry: EffectEntry, parameter: EffectParameter, values: Sequence[float], channel: int
+    ) -> list[FloatArray]:
+        """Whitened answers, an array (samples, columns) a recording, columns by value."""
+        parts = []
+        for record, run, motion, (transition, gain, shown) in zip(
+            self.records, self.runs, self.motions[channel], self.observers, strict=True
+        ):
+            torques = [columns(entry, parameter, v, motion) for v in values]
+            answers = answers_to(
+                np.ascontiguousarray(np.concatenate(torques).T),
+                channel,
+                entry.kind == "output",
+                record.read,
+                transition,
+                gain,
+                shown,
+            )
+            parts.append(whiten(self.packed, record, run.innovation, answers)[1])
+        return parts
 
     def _promised(self, parts: Sequence[FloatArray], number: int) -> FloatArray:
         """Nats (number,) of whitened answers, an array (samples, columns) a recording, columns by value."""

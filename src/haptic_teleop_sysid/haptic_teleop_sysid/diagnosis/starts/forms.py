@@ -17,6 +17,7 @@ from haptic_teleop_sim.effects import EFFECTS, EffectEntry
 from haptic_teleop_sim.effects.hypothesis import Refinement
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
@@ -107,7 +108,10 @@ def _forms(
     values = list(scanned_values(parameter, scales, place))
     if not values:
         return
-    gains = Answers(plain, records).gains(entry, parameter, place, values)
+    try:
+        gains = Answers(plain, records).gains(entry, parameter, place, values)
+    except FAILURES:
+        return
     for i in np.argsort(-gains)[:_ORDERS]:
         if gains[i] > _PROMISES:
             for parameters in begins.starts(effect.parameters, on, values[i]):
