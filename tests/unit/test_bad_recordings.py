@@ -301,6 +301,20 @@ def test_a_joint_without_mass_is_refused(data):
         refuse_kinematic(massless)
 
 
+def test_rounded_angles_hide_no_joint_without_mass(data):
+    time = data[0].dt * np.arange(len(data[0]))
+    speed = sum(np.sin(2.0 * np.pi * f * time + f) for f in (0.4, 1.1, 2.3))
+    steps = 2e-4
+    angle = steps * np.round(np.cumsum(speed) * data[0].dt / steps)
+    found = replace(
+        data[0], input=0.1 * speed, motor_position=angle, motor_velocity=np.gradient(angle, data[0].dt)
+    )
+    share = float(np.corrcoef(found.input, found.motor_velocity)[0, 1]) ** 2
+    assert share < 0.9999, "what differentiation leaves of the steps"
+    with pytest.raises(RecordingError, match="without mass"):
+        refuse_kinematic(found)
+
+
 def test_noise_about_one_place_is_no_motion(data):
     record = record_from(data[0], commanded=True)
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(record))

@@ -9,6 +9,7 @@ from haptic_teleop_sim.model import Model
 
 from .believed import Believed, Say
 from .decision.adequacy import Adequacy, following, short_of
+from .decision.constancy import apart
 from .decision.finding import unsure_of_their_shape
 from .decision.measured_input import of_measured_input
 from .decision.misplaced import misplaced
@@ -67,6 +68,8 @@ def examined(model: Model, belief: Believed, say: Say) -> Examined:
         )
         doubt = curved or doubt or short or bent
     result = result.without_companions()
+    if not result.choices and doubt is not None:
+        doubt = apart(result.baseline, found.learn) or doubt
     forms = together(
         spread_by_form(result.final.model, found.learn, found.cutoff),
         spread_by_stretch(steady(found, result), result.final.model),

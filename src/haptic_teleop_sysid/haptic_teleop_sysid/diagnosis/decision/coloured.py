@@ -25,8 +25,8 @@ BY_ROUNDING = 2.0
 LARGER_THAN_STEPS = 1.0
 
 
-def more_coloured(found: tuple[float, float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
-    """Whether innovations are clearly more coloured on both kinds of recordings than coarse encoders make
+def more_coloured(found: Sequence[float], fits: Sequence[tuple[Fit, Sequence[Record]]]) -> bool:
+    """Whether innovations are clearly more coloured on all kinds of recordings than coarse encoders make
     those of a true model."""
     return all(c > BY_ROUNDING * expected_colour(*one) for c, one in zip(found, fits, strict=True))
 

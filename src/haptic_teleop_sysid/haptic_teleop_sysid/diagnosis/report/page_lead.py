@@ -150,12 +150,14 @@ def _todo(verdict: Verdict, content: dict[str, Any]) -> str:
 
 
 def _gained(page: Page, content: dict[str, Any], still: Mapping[str, set[str]]) -> None:
-    """The fit of your model and of the augmented one, on recordings of each kind, what says most first."""
+    """The fit of your model and of the augmented one, on recordings of each kind, what says most first: of
+    the signal that your model simulates worst there, everywhere the same one."""
+    name = ""
     for part in ("test", "validation", "estimation"):
         yours, _, after = (content["fit"][model][part] for model in ("given", "baseline", "augmented"))
         if yours:
             told = judged(yours, still.get(part, set()))
-            name = min(told, key=lambda n: told[n])
+            name = name if name in told else min(told, key=lambda n: told[n])
             page.key_figure(
                 f"{percent(yours[name])} → {percent(after[name])} %", f"fit of {name}", PART_LABELS[part]
             )
