@@ -17,6 +17,7 @@ from haptic_teleop_sysid.commands import diagnose as command
 from haptic_teleop_sysid.diagnosis.evidence.consistency import (
     alike,
     parts_of,
+    refuse_other_signs,
     refuse_other_units,
     refuse_unrelated,
     sizes,
@@ -289,6 +290,16 @@ def test_an_input_that_is_the_motion_itself_is_refused(data, field, what):
     driven = replace(data[0], input=0.7 * getattr(data[0], field))
     with pytest.raises(RecordingError, match=f"the input of stage1 is its {what}.*give the force"):
         refuse_kinematic(driven)
+
+
+def test_an_input_with_the_other_sign_than_another_recordings_is_refused(data):
+    refuse_other_signs(commanded(data))
+    turned = replace(commanded(data[1:])[0], input=-commanded(data[1:])[0].input)
+    with pytest.raises(RecordingError, match="has the other sign than that of"):
+        refuse_other_signs([*commanded(data[:1]), turned])
+    # Where both are turned they agree: the page says what one alone does.
+    both = [replace(r, input=-r.input) for r in commanded(data)]
+    refuse_other_signs(both)
 
 
 def test_a_joint_without_mass_is_refused(data):

@@ -11,7 +11,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.estimation.records import LONGEST_HOLE, Record, records_from
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .evidence.consistency import refuse_other_units, refuse_unrelated
+from .evidence.consistency import refuse_other_signs, refuse_other_units, refuse_unrelated
 from .inputs.cuts import FEWEST_SAMPLES, SHORTEST_STRETCH
 from .inputs.plausible import (
     refuse_constant_input,
@@ -96,3 +96,4 @@ def refuse_unusable(*kinds: Sequence[DataSet]) -> None:
     for dataset in recordings:
         refuse_kinematic(dataset)
     refuse_other_units(records)
+    refuse_other_signs(records)

@@ -207,6 +207,23 @@ def refuse_other_units(records: Sequence[Record]) -> None:
                 )
 
 
+def refuse_other_signs(records: Sequence[Record]) -> None:
+    """Raise RecordingError for two recordings of which the input of one is by the numbers of the other what
+    it is but for its sign, and common numbers explain both only with the sign turned."""
+    by_name = parts_of([r for r in records if not _one_step(r.input)])
+    for (name, part), (other, theirs) in itertools.permutations(by_name.items(), 2):
+        if explained(theirs) < _EXPLAINS or alike(part, theirs):
+            continue
+        drive, columns = part
+        expected = columns @ _regressed(theirs[1], theirs[0])
+        lengths = float(np.linalg.norm(expected)) * float(np.linalg.norm(drive))
+        if float(expected @ drive) < -np.sqrt(_EXPLAINS) * lengths and alike((-drive, columns), theirs):
+            raise RecordingError(
+                f"for the same motion the input of {name} has the other sign than that of {other}: turn one "
+                "of them (in a mapping, a gain of -1), or see whether angle and effort count the same way."
+            )
+
+
 def unlike(one: float, other: float) -> bool:
     """Whether the input of each of two recordings is by _UNLIKE too large, and too small, by the numbers of
     the other one (see `sizes`). Numbers of a motion that hardly knows them are too large either way."""
