@@ -112,6 +112,16 @@ def test_a_last_line_that_was_not_finished_is_left_out_and_told(tmp_path):
     assert any("cut short" in remark for remark in log.remarks)
 
 
+def test_more_rows_than_are_taken_are_refused_of_arrays_too(tmp_path, monkeypatch):
+    monkeypatch.setattr("haptic_teleop_sysid.logs.log.MOST_ROWS", 200)
+    path = tmp_path / "log.npz"
+    np.savez(path, t=T, u=TORQUE, q=ANGLE)
+    assert len(T) > 200
+    with pytest.raises(RecordingError, match=r"rows, more than the 200.*--rows"):
+        read_log(path)
+    assert len(read_log(path, ReadOptions(rows=(1, 200))).columns[0].values) == 200
+
+
 @pytest.mark.parametrize("row", ["1,2", "1,2,3,4"])
 def test_ragged_rows_are_refused_by_line_or_left_out_on_demand(tmp_path, row):
     path = plain_table(tmp_path / "log.csv")

@@ -11,7 +11,7 @@ from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, 
 from haptic_teleop_control.named_files import similar
 from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.fill_values import without_fill
-from haptic_teleop_sysid.logs.log import Log
+from haptic_teleop_sysid.logs.log import Log, refuse_rows
 
 BAG_SUFFIXES = (".mcap", ".db3", ".bag")
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".parquet", ".pq", *BAG_SUFFIXES)
@@ -153,6 +153,10 @@ def _matlab_4(path: Path, head: bytes) -> bool:
 
 
 def _cut(log: Log, rows: tuple[int, int] | None) -> Log:
+    taken = max((len(c.values) for c in log.columns), default=0)
+    if rows is not None:
+        taken = min(taken, rows[1] - rows[0] + 1)
+    refuse_rows(log.path, taken, "take a part with `haptic-teleop import --rows FIRST LAST`")
     if rows is None:
         return log
     kept = slice(rows[0] - 1, rows[1])
