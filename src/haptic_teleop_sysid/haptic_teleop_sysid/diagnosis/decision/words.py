@@ -9,6 +9,14 @@ from haptic_teleop_sim.model import Effect
 
 from .decide import Choice
 
+#: How something acts of which a result's condition names no quantity that it follows.
+_ACTS = {
+    "always": "acts always",
+    "throughout": "acts throughout",
+    "time": "comes and goes with time",
+    "which recording it is": "differs between recordings",
+}
+
 
 def called(effect: Effect) -> str:
     """What an effect is called: what has no name in the contract's table is described."""
@@ -88,3 +96,8 @@ def separating(effects: list[Effect]) -> str:
             if name == other.effect:
                 return words
     return "an experiment of another amplitude and band in which their predictions differ"
+
+
+def acts(condition: str) -> str:
+    """How something without a name acts, by the condition that a result has for it."""
+    return _ACTS.get(condition, f"depends on {condition}")

@@ -17,7 +17,7 @@ from ..decision.adequacy import NEARLY_ALL
 from ..decision.decide import Choice
 from ..decision.search import SearchResult
 from ..decision.verdict import Verdict
-from ..decision.words import placed, separating
+from ..decision.words import acts, placed, separating
 from ..hypotheses.twins import twins
 from ..policy import STILL_RANDOM
 from .experiment import Suggestion, series, sharpen, suggest, times
@@ -34,6 +34,8 @@ _VARIED = {
     "deflection": "the same signal at a third and at three times its size, as far as the limits allow",
     "input": "the same signal at a third and at three times its size, as far as the limits allow",
     "time": "the same signal at once and after an hour of work",
+    "throughout": "for longer, once with little and once with a large input",
+    "which recording it is": "all recordings once more, on one day, with one load",
 }
 #: Uncertainty of a size, as a share of it, from which it should be made surer.
 _UNSURE = 0.2
@@ -54,7 +56,7 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
     if verdict.kind == "unknown" and verdict.where:
         place, condition = verdict.where[0]["equation"], verdict.where[0]["condition"]
         why = (
-            f"what has no name sits at {place} and depends on {condition}: record {varied(condition)}"
+            f"what has no name sits at {place} and {acts(condition)}: record {varied(condition)}"
         )
         return _without(why, 0.5)
     worst = max(_unsure_sizes(verdict), default=None)

@@ -11,6 +11,7 @@ from haptic_teleop_sysid.report import Page, Status, with_error
 
 from ..decision.adequacy import nothing_shown
 from ..decision.verdict import Verdict
+from ..decision.words import acts
 from ..inputs.cuts import ONLY
 from ..policy import SURE
 from .summary import (
@@ -68,7 +69,7 @@ def _capital(sentence: str) -> str:
 
 
 def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
-    places = ", ".join(f"{nameless_at(w, content)} and depends on {w['condition']}" for w in verdict.where)
+    places = ", ".join(f"{nameless_at(w, content)} and {acts(w['condition'])}" for w in verdict.where)
     if verdict.kind == "identified":
         named = " and ".join(_named(f) for f in verdict.findings)
         if any(f["confidence"] < SURE for f in verdict.findings):

@@ -10,7 +10,7 @@ from haptic_teleop_sysid.report.numbers import with_error
 
 from ..decision.adequacy import NEARLY_ALL
 from ..decision.at_the_actuator import WITH_THE_INPUT
-from ..decision.words import chance_sentence
+from ..decision.words import acts, chance_sentence
 
 PART_LABELS = {
     "estimation": "recordings fitted to",
@@ -44,7 +44,7 @@ def summary(content: dict[str, Any]) -> str:
         lines.append(f"  because {content['doubt']}")
     if content["verdict"] == "unknown" and content["where"]:
         places = ", ".join(
-            f"{nameless_at(w, content)}, where it depends on {w['condition']}" for w in content["where"]
+            f"{nameless_at(w, content)}, where it {acts(w['condition'])}" for w in content["where"]
         )
         beside = "; beside it:" if content["findings"] else ""
         if (content["adequacy"] or {}).get("only_worse"):
