@@ -12,6 +12,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
 from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
+from haptic_teleop_sysid.diagnosis.inputs.one_run import with_one_run_told
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.inputs.reversed_input import reversed_input
 from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
@@ -100,9 +101,9 @@ def diagnose_into(
     """Diagnose ``recordings`` (estimation, validation, test), write the results into ``output``, and return
     the content of diagnosis.json and the page's path. ``began``: `time.perf_counter` when it began."""
     began = time.perf_counter() if began is None else began
-    estimation, validation, test = recordings
-    told = reported({d.name: d.problems for part in recordings for d in part})
-    with told, within_memory(max(len(d) for part in recordings for d in part)):
+    estimation, validation, test = parts = with_one_run_told(*recordings)
+    told = reported({d.name: d.problems for part in parts for d in part})
+    with told, within_memory(max(len(d) for part in parts for d in part)):
         result, verdict, proof, content = diagnose(model, estimation, validation, say, options.nulls, test)
     content = with_input_sign(content, [*estimation, *validation])
     say("writing the report")

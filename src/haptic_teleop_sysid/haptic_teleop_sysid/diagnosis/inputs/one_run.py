@@ -1,0 +1,98 @@
+"""Are two recordings of one run, written by two loggers, cut or resampled? Then one proves nothing of the
+other. No two runs of a machine are alike to an encoder's step and in their input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptic_teleop_sysid.estimation.records import smallest_step
+from haptic_teleop_sysid.recordings.dataset import DataSet
+
+from .scales import bridged
+
+FloatArray = NDArray[np.float64]
+
+#: Fewest samples of what two recordings share, and its length, s.
+_FEWEST, _SECONDS = 200, 2.0
+#: Steps of the encoder by which angles of one run may differ, rms: a coarser logger rounds, and interpolation
+#: adds half of one; and share of its rms by which the inputs may.
+_STEPS, _INPUT = 1.5, 0.03
+#: Steps by which the angle must move meanwhile, and share of it that a straight line must leave.
+_MOVES, _BENT = 50.0, 0.02
+
+
+def with_one_run_told(*kinds: Sequence[DataSet]) -> list[list[DataSet]]:
+    """The recordings of each kind (to fit to, to choose by, to show), with a sentence where the readings of
+    one are those of an earlier kind's once more."""
+    found, before = list[list[DataSet]](), list[DataSet]()
+    for kind in kinds:
+        found.append([_told(one, before) for one in kind])
+        before += kind
+    return found
+
+
+def _told(one: DataSet, others: Sequence[DataSet]) -> DataSet:
+    for other in others:
+        seconds = shared_seconds(one, other)
+        if seconds is not None:
+            problem = (
+                f"for {seconds:.3g} s its angle is that of {other.name} to within the encoder's steps, and "
+                "its input is the same: if both are of one run, the one proves nothing of the other"
+            )
+            return replace(one, problems=(*one.problems, problem))
+    return one
+
+
+def shared_seconds(one: DataSet, other: DataSet) -> float | None:
+    """How long, s, two recordings read the same run; None where they do not."""
+    dt = max(one.dt, other.dt)
+    (angle, input_), (theirs, their_input) = (_at_rate(d, dt) for d in (one, other))
+    if min(len(angle), len(theirs)) < max(_FEWEST, round(_SECONDS / dt)):
+        return None
+    lag = _best_lag(np.diff(angle), np.diff(theirs))
+    begin, end = max(lag, 0), min(len(theirs) + lag, len(angle))
+    if end - begin < max(_FEWEST, round(_SECONDS / dt)):
+        return None
+    own, its = slice(begin, end), slice(begin - lag, end - lag)
+    step = max(smallest_step(one.motor_position), smallest_step(other.motor_position))
+    if not np.ptp(angle[own]) > _MOVES * step or _straight(angle[own]):
+        return None
+    # Between the samples of the two the clocks differ by less than one: the slope takes that on.
+    columns = np.column_stack([np.gradient(theirs[its]), np.ones(end - begin)])
+    away = angle[own] - theirs[its]
+    away = away - columns @ np.linalg.lstsq(columns, away, rcond=None)[0]
+    drive, theirs_too = input_[own], their_input[its]
+    apart = drive - theirs_too
+    columns = np.column_stack([np.gradient(theirs_too), np.ones(len(apart))])
+    apart = apart - columns @ np.linalg.lstsq(columns, apart, rcond=None)[0]
+    same = np.sqrt(np.mean(away**2)) < _STEPS * step and np.std(apart) < _INPUT * np.std(drive)
+    return (end - begin) * dt if same and np.std(drive) > 0.0 else None
+
+
+def _at_rate(dataset: DataSet, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Angle and input at samples ``dt`` apart."""
+    time = dataset.dt * np.arange(len(dataset))
+    at = np.arange(0.0, time[-1], dt) if len(time) else time
+    angle = bridged(dataset.motor_position) if np.any(np.isfinite(dataset.motor_position)) else time
+    return np.interp(at, time, angle), np.interp(at, time, np.nan_to_num(dataset.input))
+
+
+def _best_lag(one: FloatArray, other: FloatArray) -> int:
+    """Samples by which ``other`` begins later in ``one``, by the largest cross-correlation."""
+    size = len(one) + len(other) - 1
+    length = 1 << (size - 1).bit_length()
+    a, b = (np.fft.rfft(v - v.mean(), length) for v in (one, other))
+    found = np.fft.irfft(a * np.conj(b), length)
+    at = int(np.argmax(found))
+    return at if at < len(one) else at - length
+
+
+def _straight(angle: FloatArray) -> bool:
+    """Whether an angle is nearly a straight line: any two are alike."""
+    time = np.arange(len(angle), dtype=np.float64)
+    left = angle - np.polyval(np.polyfit(time, angle, 1), time)
+    return bool(np.std(left) < _BENT * np.std(angle))
