@@ -394,3 +394,9 @@ def test_a_friction_that_falls_nobody_knows_to_what_has_no_known_shape(rubbing):
     # The spread between recordings counts.
     result = found_by_prediction(baseline, falling, std=known)
     assert shape_unknown(result.choices[0], result.final, {head + "breakaway": 0.3})
+    # A size at its bound has no error that anybody knows.
+    ended = replace(result.final, at_bound=(head + "coulomb",))
+    (choice,) = unsure_of_their_shape(result.choices, ended, {})
+    assert "its coulomb ended at a bound" in choice.unsure
+    assert finding(choice, ended, {})["confidence"] <= 0.69
+

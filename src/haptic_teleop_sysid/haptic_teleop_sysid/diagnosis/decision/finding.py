@@ -88,16 +88,25 @@ def shape_unknown(choice: Choice, final: Fit, spread: dict[str, float]) -> bool:
 def unsure_of_their_shape(
     choices: Sequence[Choice], final: Fit, spread: dict[str, float]
 ) -> tuple[Choice, ...]:
-    """The choices, in which nobody is sure of a richer form of which a size is not known."""
+    """The choices, in which nobody is sure of a richer form of which a size is not known, or ended at the
+    bound of what it may be: of that nobody knows the error."""
     told = []
     for choice in choices:
         plain = choice.chosen.effect.entry.refinement
-        if plain is not None and not choice.unsure and shape_unknown(choice, final, spread):
+        ended = _ended(choice.chosen.effect, final)
+        if plain is not None and not choice.unsure and (ended or shape_unknown(choice, final, spread)):
             name = plain.of.replace("_", " ")
-            unsure = f"it may be no more than {name}, because what makes it another form is not known"
-            choice = replace(choice, unsure=unsure)
+            why = f"its {ended} ended at a bound" if ended else "what makes it another form is not known"
+            choice = replace(choice, unsure=f"it may be no more than {name}, because {why}")
         told.append(choice)
     return tuple(told)
+
+
+def _ended(effect: Effect, final: Fit) -> str | None:
+    """The first of an effect's sizes that ended at the bound of what it may be."""
+    head = f"{effect.location}.{effect.effect}."
+    sizes = (p.name for p in effect.entry.parameters if _is_size(p))
+    return next((name for name in sizes if head + name in final.at_bound), None)
 
 
 def _is_size(parameter: EffectParameter) -> bool:
