@@ -16,9 +16,10 @@ from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 
 #: Passes (one gradient over the thinned recordings) that the phases of a diagnosis take: the re-estimation of
-#: the given structure, a round of the search, the search by free simulation, and what comes after. Of seven
-#: diagnoses of simulated and real recordings rounds took 0.5 to 2 times as many.
-BASELINE, ROUND, FREELY, REST = 200.0, 1700.0, 1700.0, 400.0
+#: the given structure, a round of the search, the search by free simulation, and what comes after: in the
+#: middle of nine diagnoses of simulated and real recordings. Rounds took 0.1 to 2.8 times as many, what comes
+#: after 0.3 to 1.6 times, and a search by free simulation up to 30 times.
+BASELINE, ROUND, FREELY, REST = 600.0, 3900.0, 3000.0, 3900.0
 #: What a phase that takes longer than thought is taken to need in all, in times of what it has taken so far.
 _LONGER = 1.2
 _ROUND = re.compile(r"effect (\d+): ")
@@ -62,8 +63,8 @@ class DiagnosisForecast:
 
     @property
     def may_grow(self) -> bool:
-        """Whether a further effect, or a search by free simulation, may still come."""
-        return not self._began or self._began[-1][0] not in ("free", "nulls", "rest")
+        """Whether a further effect, or a search by free simulation, may still come or takes its time."""
+        return not self._began or self._began[-1][0] not in ("nulls", "rest")
 
     def total(self, elapsed: float) -> float | None:
         """About how long it takes in all, s; None before a pass was measured."""
