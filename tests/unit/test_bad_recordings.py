@@ -57,7 +57,7 @@ def test_recordings_of_one_machine_pass(data):
     closed = loaded(seed=3, closed=True)
     refuse_other_units(commanded([*data, closed]))
     for one in (*data, closed):
-        refuse_kinematic(one)
+        refuse_kinematic([one])
         refuse_unrelated(record_from(one, commanded=True), "stage1")
         refuse_motionless(record_from(one, commanded=True), "stage1")
 
@@ -289,7 +289,7 @@ def test_an_input_that_does_not_drive_the_joint_is_refused(data):
 def test_an_input_that_is_the_motion_itself_is_refused(data, field, what):
     driven = replace(data[0], input=0.7 * getattr(data[0], field))
     with pytest.raises(RecordingError, match=f"the input of stage1 is its {what}.*give the force"):
-        refuse_kinematic(driven)
+        refuse_kinematic([driven])
 
 
 def test_an_input_with_the_other_sign_than_another_recordings_is_refused(data):
@@ -309,7 +309,7 @@ def test_a_joint_without_mass_is_refused(data):
         data[0], input=drive, motor_position=0.1 * drive, motor_velocity=0.1 * np.gradient(drive)
     )
     with pytest.raises(RecordingError, match="without mass"):
-        refuse_kinematic(massless)
+        refuse_kinematic([massless])
 
 
 def test_rounded_angles_hide_no_joint_without_mass(data):
@@ -323,7 +323,10 @@ def test_rounded_angles_hide_no_joint_without_mass(data):
     share = float(np.corrcoef(found.input, found.motor_velocity)[0, 1]) ** 2
     assert share < 0.9999, "what differentiation leaves of the steps"
     with pytest.raises(RecordingError, match="without mass"):
-        refuse_kinematic(found)
+        refuse_kinematic([found])
+    # One slow recording of several is no reason, and of those that are not fitted none is.
+    refuse_kinematic([found, data[0]], [found])
+    refuse_kinematic([data[0]], [found])
 
 
 def test_noise_about_one_place_is_no_motion(data):

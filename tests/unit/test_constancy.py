@@ -45,6 +45,9 @@ def test_two_machines_among_the_estimation_recordings_are_named():
     doubt = apart(fit_from_scratch(off(STAGE, 1), learn), learn)
     assert doubt is not None and doubt.place is None
     assert "motor inertia" in doubt.why and "first and second" in doubt.why
+    # Whichever is given first.
+    turned = [*learn[::-1]]
+    assert apart(fit_from_scratch(off(STAGE, 1), turned), turned) is not None
 
 
 def test_estimation_recordings_of_one_machine_agree():

@@ -7,6 +7,8 @@ import pytest
 from stepped_machines import DT, RIGID
 
 from haptic_teleop_sim.kernel import pack
+from haptic_teleop_sysid.diagnosis.evidence.null_records import null_record
+from haptic_teleop_sysid.estimation import first_state
 from haptic_teleop_sysid.estimation.first_state import from_first_state
 from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from haptic_teleop_sysid.estimation.likelihood import innovations
@@ -84,3 +86,31 @@ def test_missing_readings_say_nothing(moving):
     begun = replace(part, measured=measured, rates=(truth + 1.0, truth + 1.0))
     (found,) = from_first_state(fit, [begun])
     assert found.rates[0] == pytest.approx(truth, abs=0.03)
+
+
+def test_the_beginning_of_a_record_begins_as_it_does_and_another_part_does_not(moving):
+    _, _, part, truth = moving
+    begun = replace(part, rates=(truth, truth), offsets=(0.01, 0.01))
+    first = piece(begun, 0, 1000)
+    assert (first.rates, first.offsets) == (begun.rates, begun.offsets)
+    later = piece(begun, 1000, 2000)
+    assert later.offsets == (0.0, 0.0) and later.rates != begun.rates
+    assert piece(begun, 0, 1000, at_rest=True).initial_state()[2:].tolist() == [0.0, 0.0]
+
+
+def test_a_recording_of_the_model_begins_where_it_is_read(moving):
+    fit, _, part, truth = moving
+    begun = replace(part, rates=(truth, truth), offsets=(0.01, 0.01))
+    made = null_record(fit, fit.noise, begun, np.random.default_rng(1))
+    assert made.measured[0, 0] == pytest.approx(begun.initial_state()[0], abs=3.0 * STEP)
+    assert made.initial_state()[0] == made.measured[0, 0]
+
+
+def test_friction_that_makes_it_worse_leaves_it_as_it_was(moving, monkeypatch):
+    """What a linear step promises has to be so."""
+    fit, _, part, truth = moving
+    begun = replace(part, rates=(truth + 1.0, truth + 1.0))
+    wanted = first_state._wanted
+    monkeypatch.setattr(first_state, "_wanted", lambda *asked: (-wanted(*asked)[0], 100.0))
+    records = [begun]
+    assert from_first_state(fit, records) is records

@@ -59,8 +59,36 @@ def test_it_is_told_of_the_later_one_and_not_within_a_kind(runs):
     assert with_one_run_told([one, twin], [other], [])[0][1].problems == twin.problems
 
 
+@pytest.mark.parametrize(("rate", "top", "away"), [(100.0, 4.0, 1e-4), (50.0, 2.0, 1e-3)])
+def test_a_robot_that_repeats_itself_well_makes_two_runs(runs, rate, top, away):
+    """Ten and a hundred steps of its encoder apart, at a rate at which the motion itself has third
+    differences."""
+    rng = np.random.default_rng(4)
+    time = np.arange(round(12.0 * rate)) / rate
+
+    def smooth(size, highest):
+        return size * sum(
+            np.sin(2.0 * np.pi * f * time + rng.uniform(0.0, 6.0)) for f in np.linspace(0.2, highest, 8)
+        )
+
+    angle, effort = smooth(0.2, top), smooth(0.3, top)
+
+    def run(more):
+        read = 1e-5 * np.round((angle + more) / 1e-5)
+        noise = 0.003 * rng.standard_normal(len(time))
+        found = part(runs[0], slice(0, len(time)))
+        return replace(found, dt=1.0 / rate, motor_position=read, input=effort + noise)
+
+    one, other = run(0.0 * time), run(smooth(0.4 * away, 0.5))
+    assert shared_seconds(one, other) is None
+    assert shared_seconds(part(one, slice(100, None)), one) is not None
+
+
 def test_what_hardly_moves_or_moves_straight_says_nothing(runs):
     one = runs[0]
     straight = replace(one, motor_position=0.3 * np.arange(len(one)) * one.dt)
     assert shared_seconds(straight, straight) is None
-    assert shared_seconds(part(one, slice(0, 100)), one) is None
+    assert shared_seconds(part(one, slice(0, 100)), one) is None, "too short"
+    step = 1e-3
+    hardly = replace(one, motor_position=step * np.round(one.motor_position / np.ptp(one.motor_position) * 9))
+    assert shared_seconds(hardly, hardly) is None

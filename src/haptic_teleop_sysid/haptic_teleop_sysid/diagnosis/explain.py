@@ -117,15 +117,15 @@ def explain(
     say("re-estimating the given structure")
     limits = within_reach(model, recording_scales(model, learn))
     baseline = fit_from_scratch(model, learn, limits=limits)
-    judge = from_first_state(baseline, judge)
-    if (begun := from_first_state(baseline, learn)) is not learn:
-        learn = begun
-        baseline = fit_from_scratch(model, learn, limits=limits)
     if not np.isfinite(baseline.log_likelihood):
         raise RecordingError(
             f"{model.source} predicts nothing of {estimation[0].name}, whatever its parameters: see whether "
             "its inertias, and the units and signs of the recording, are what they should be."
         )
+    judge = from_first_state(baseline, judge)
+    if (begun := from_first_state(baseline, learn)) is not learn:
+        learn = begun
+        baseline = fit_from_scratch(model, learn, limits=limits)
     cutoff = motion_band([*learn, *judge])
     say("asking the inverse dynamics")
     try:

@@ -219,7 +219,7 @@ clearly more likely: in a long recording the least difference in form is clear. 
 physics without one; higher: `unknown` where friction is in plain sight. Set on a robot's wrist (0.90); an
 instrument's spindle has 0.95 of the second."""
 
-NEARLY_WHOLE = 0.9
+NEARLY_ALL_TORQUE = 0.9
 """Share of all the torque that is missing (mean square, in the band of the motion, where it was not fitted)
 that names must explain to be the answer although one-step predictions or free runs ask for more; no torque
 without a form may explain STRUCTURED of what they leave. Lower: physics without a name gets the nearest one;

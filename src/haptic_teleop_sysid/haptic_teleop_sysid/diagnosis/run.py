@@ -25,13 +25,13 @@ from .evidence.proof import Proof, prove
 from .examined import examined
 from .explain import Explained
 from .inputs.uses import Uses, three_uses
+from .nearly_all import nearly_all
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
 from .report.next_experiment import once_calibrated
 from .report.summary import settled_sentence
 from .report.testimony import testimony
 from .usable import refuse_unusable
-from .whole import whole
 
 
 def diagnose(
@@ -49,7 +49,7 @@ def diagnose(
     """
     refuse_unusable(estimation, validation, test)
     belief = believed(model, three_uses(estimation, validation, test), say, null_count)
-    left = whole(belief, examined(model, belief, say))
+    left = nearly_all(belief, examined(model, belief, say))
     say("deciding")
     answer = answered(belief, left, say)
     added_to = answer.stands_in

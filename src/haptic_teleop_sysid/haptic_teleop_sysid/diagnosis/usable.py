@@ -93,7 +93,6 @@ def refuse_unusable(*kinds: Sequence[DataSet]) -> None:
     refuse_idle(recordings)
     records = [record for kind in kinds for record in records_of([*kind])]
     refuse_constant_input(kinds[0])
-    for dataset in recordings:
-        refuse_kinematic(dataset)
+    refuse_kinematic(kinds[0], [dataset for kind in kinds[1:] for dataset in kind])
     refuse_other_units(records)
     refuse_other_signs(records)

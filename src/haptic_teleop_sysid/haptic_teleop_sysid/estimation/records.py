@@ -153,8 +153,10 @@ def records_from(data: DataSet, at_rest: bool = False, commanded: bool = False) 
 
 
 def piece(whole: Record, first: int, stop: int, at_rest: bool = False) -> Record:
-    """The samples ``first`` to ``stop`` of a record."""
+    """The samples ``first`` to ``stop`` of a record, which begins as that does where it is its beginning."""
     measured = whole.measured[first:stop]
+    begins = (whole.rates, whole.offsets) if first == 0 else (_first_speeds(measured, whole.dt), (0.0, 0.0))
+    rates, offsets = ((0.0, 0.0), (0.0, 0.0)) if at_rest else begins
     return replace(
         whole,
         input=whole.input[first:stop],
@@ -162,7 +164,8 @@ def piece(whole: Record, first: int, stop: int, at_rest: bool = False) -> Record
         exogenous=whole.exogenous[first:stop],
         at_rest=at_rest,
         start=whole.start + first * whole.dt,
-        rates=(0.0, 0.0) if first == 0 else _first_speeds(measured, whole.dt),
+        rates=rates,
+        offsets=offsets,
     )
 
 

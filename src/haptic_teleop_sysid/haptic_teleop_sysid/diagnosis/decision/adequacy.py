@@ -52,9 +52,9 @@ class Adequacy:
     any torques explain, see `torques_explained.recovered`; 0 to 1 each, 1 where nothing worth a word is left.
     ``random_left``: what is left is random as far as these recordings show, however large its share: nothing
     more could be explained; ``follows``: what most of it follows where it is not, None for nothing;
-    ``worse``: the user's own model simulates the validation recordings better; ``whole``: the names explain
-    nearly all the torque in the band of the motion (see `nearly_whole`), so that what else is left only keeps
-    them from being sure."""
+    ``worse``: the user's own model simulates the validation recordings better; ``nearly_all_torque``:
+    the names do so in the band of the motion, whatever else is asked for (see `nearly_all_torque`): that only
+    keeps them from being sure."""
 
     torque: float
     free_run: float
@@ -63,7 +63,7 @@ class Adequacy:
     follows: Followed | None = None
     worse: bool = False
     recovered: float = 1.0
-    whole: bool = False
+    nearly_all_torque: bool = False
 
     @property
     def least(self) -> float:
@@ -77,7 +77,7 @@ class Adequacy:
         NOT_SURE at most: a name may be right that explains little, but none is sure. So it is where only
         chance is left: what passes for it could hide there, too; and where other torques recover clearly
         more, however little that is."""
-        if self.whole:
+        if self.nearly_all_torque:
             return NOT_SURE
         if self.explains_nearly_all:
             size = min(_size_of(self.least), SUREST)
@@ -100,7 +100,7 @@ class Adequacy:
         it: of what the other places' equations leave, where everything acts at one place, names that are
         right take as much (HOLDS_BETTER) as tells that place. Where neither observer nor free run lacks
         anything worth a word, that is the machine's random torque, and only keeps a name from being sure."""
-        if self.whole:
+        if self.nearly_all_torque:
             return False
         worth_a_word = min(self.torque, self.free_run) < 1.0
         if worth_a_word and 1.0 - self.parity > 1.0 / HOLDS_BETTER**2:
@@ -124,7 +124,7 @@ class Adequacy:
             "left_is_random": self.random_left,
             "left_follows": None if self.follows is None else self.follows._asdict(),
             "worse_than_given": self.worse,
-            "nearly_all_the_torque": self.whole,
+            "nearly_all_the_torque": self.nearly_all_torque,
             "only_worse": nothing_shown(self),
         }
 

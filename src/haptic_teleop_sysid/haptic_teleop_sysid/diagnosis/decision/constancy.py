@@ -75,7 +75,7 @@ def _differing(one: Fit, other: Fit) -> dict[str, tuple[float, float]]:
     return {
         name: (before[name], after[name])
         for name in one.free
-        if abs(after[name] - before[name]) > ANOTHER_MACHINE * abs(before[name])
+        if abs(after[name] - before[name]) > ANOTHER_MACHINE * min(abs(before[name]), abs(after[name]))
         and abs(after[name] - before[name]) > _APART * float(np.hypot(errors[0][name], errors[1][name]))
     }
 

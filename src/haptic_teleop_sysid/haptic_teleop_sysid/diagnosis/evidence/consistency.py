@@ -211,16 +211,22 @@ def refuse_other_signs(records: Sequence[Record]) -> None:
     """Raise RecordingError for two recordings of which the input of one is by the numbers of the other what
     it is but for its sign, and common numbers explain both only with the sign turned."""
     by_name = parts_of([r for r in records if not _one_step(r.input)])
-    for (name, part), (other, theirs) in itertools.permutations(by_name.items(), 2):
-        if explained(theirs) < _EXPLAINS or alike(part, theirs):
-            continue
+    numbers = {
+        name: _regressed(columns, drive)
+        for name, (drive, columns) in by_name.items()
+        if explained((drive, columns)) >= _EXPLAINS
+    }
+    for (name, part), (other, own) in itertools.product(by_name.items(), numbers.items()):
         drive, columns = part
-        expected = columns @ _regressed(theirs[1], theirs[0])
+        expected = columns @ own
         lengths = float(np.linalg.norm(expected)) * float(np.linalg.norm(drive))
-        if float(expected @ drive) < -np.sqrt(_EXPLAINS) * lengths and alike((-drive, columns), theirs):
+        if name == other or float(expected @ drive) >= -np.sqrt(_EXPLAINS) * lengths:
+            continue
+        theirs = by_name[other]
+        if alike((-drive, columns), theirs) and not alike(part, theirs):
             raise RecordingError(
                 f"for the same motion the input of {name} has the other sign than that of {other}: turn one "
-                "of them (in a mapping, a gain of -1), or see whether angle and effort count the same way."
+                "of them (in a mapping, a gain of -1), or see which way and from where both count."
             )
 
 

@@ -102,7 +102,10 @@ def null_record(fit: Fit, noise: NoiseModel, record: Record, generator: np.rando
     read += more * generator.standard_normal((n, 2))
     with np.errstate(over="ignore"):  # what runs away is told by who asked
         measured = np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
-    return replace(record, name=f"{record.name}, nothing hidden", measured=measured)
+    # Here the first reading is where it began.
+    return replace(
+        record, name=f"{record.name}, nothing hidden", measured=measured, offsets=(0.0, 0.0)
+    )
 
 
 def levels_of(fit: Fit, dataset: DataSet) -> list[NoiseModel]:

@@ -61,17 +61,25 @@ class Answers:
     def gains(
         self, entry: EffectEntry, parameter: EffectParameter, place: str, values: Sequence[float]
     ) -> FloatArray:
-        """Nats (values,) that the effect promises at each value of its scanned parameter; none where the
-        arithmetic fails."""
+        """Nats (values,) that the effect promises at each value of its scanned parameter; none at one at
+        which the arithmetic fails."""
         found = np.zeros(len(values))
         channel = 1 if place.startswith("arm") else 0
         chunk = max(1, min(_CHUNK, _MOST_AT_ONCE // sum(len(r) for r in self.records)))
         for begin in range(0, len(values), chunk):
             some = values[begin : begin + chunk]
-            with suppress(*FAILURES):
-                parts = self._answers_of(entry, parameter, some, channel)
-                found[begin : begin + len(some)] = self._promised(parts, len(some))
+            try:
+                found[begin : begin + len(some)] = self._gains(entry, parameter, some, channel)
+            except FAILURES:
+                for number, value in enumerate(some, start=begin):
+                    with suppress(*FAILURES):
+                        found[number] = self._gains(entry, parameter, [value], channel)[0]
         return found
+
+    def _gains(
+        self, entry: EffectEntry, parameter: EffectParameter, values: Sequence[float], channel: int
+    ) -> FloatArray:
+        return self._promised(self._answers_of(entry, parameter, values, channel), len(values))
 
     def _answers_of(
         self, entry: EffectEntry, parameter: EffectParameter, values: Sequence[float], channel: int

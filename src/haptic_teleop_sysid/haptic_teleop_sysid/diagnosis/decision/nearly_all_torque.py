@@ -1,0 +1,67 @@
+"""Names that explain nearly all the torque that is missing, whatever one-step predictions say.
+
+No law is quite a machine's, and in a long recording the least difference is clear to a likelihood. Where the
+inverse dynamics explain nearly all with few names, on stretches that were not fitted, and no torque without a
+form explains most of the little that they leave, the names are the answer, and nobody is sure of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ..evidence.inverse_dynamics.groups import Chosen
+from ..evidence.inverse_dynamics.witness import Group, Witness
+from ..evidence.second_opinion import APART, NEGLIGIBLE, NO_WORSE, Errors, Heard, Opinion
+from ..policy import LEAST_EXPLAINED, NEARLY_ALL_TORQUE, STRUCTURED
+
+
+def nearly_all_torque(
+    witness: Witness, errors: Errors, before: Sequence[tuple[float, float]]
+) -> Opinion | None:
+    """The opinion that chooses, of the groups that gain most for their number of effects, the one with the
+    fewest of which holds: together they explain NEARLY_ALL_TORQUE of what is missing, each of them
+    LEAST_EXPLAINED of what the others leave; beside them no torque without a form explains STRUCTURED of the
+    rest; and their free runs (``errors``) err no more than any of those ``before`` on either kind of
+    recordings, and less than the mean. None where there is none. Its rivals are the groups of as many effects
+    of which all that holds, too."""
+    least = [min(kind) for kind in zip(*before, strict=True)]
+
+    def stands(group: Group) -> Heard | None:
+        if group.gain <= 0.0 or not _explain(witness, group):
+            return None
+        found = errors(group.model)
+        if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, least, strict=True)):
+            return None
+        return Heard(group, group.gain, found)
+
+    for level in witness.levels:
+        best, *others = sorted(level, key=lambda group: -group.gain)
+        chosen = stands(best)
+        if chosen is None:
+            continue
+        near = [g for g in others if g.gain > best.gain - NEGLIGIBLE * APART]
+        heard = [chosen, *filter(None, map(stands, near))]
+        weights = [math.exp((h.gain - best.gain) / APART) for h in heard]
+        shares = (w / sum(weights) for w in weights)
+        return Opinion(chosen, tuple(zip(heard, shares, strict=True)), witness)
+    return None
+
+
+def _explain(witness: Witness, group: Group) -> bool:
+    """Whether a group explains nearly all, each of its effects is needed, and the rest has no shape."""
+    left = 1.0 - witness.folds.explained(group.hypotheses)
+    if left > 1.0 - NEARLY_ALL_TORQUE:
+        return False
+    without = (1.0 - witness.folds.explained(others) for others in _all_but_one(group.hypotheses))
+    if any(left > (1.0 - LEAST_EXPLAINED) * more for more in without):
+        return False
+    rest = witness.beside(group)
+    return rest is None or rest[1] < STRUCTURED
+
+
+def _all_but_one(named: Chosen) -> list[Chosen]:
+    """A group's effects without each of them, none where it has only one."""
+    if len(named) == 1:
+        return []
+    return [named[:i] + named[i + 1 :] for i in range(len(named))]
