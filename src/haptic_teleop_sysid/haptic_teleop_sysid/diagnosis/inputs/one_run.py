@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from haptic_teleop_sysid.estimation.records import smallest_step
@@ -67,16 +68,16 @@ def shared_seconds(one: DataSet, other: DataSet) -> float | None:
     step = max(*(_step(d) for d in (one, other)), _LEAST * travel)
     if not travel > _MOVES * step or _straight(angle[own]):
         return None
-    # Between the samples of the two the clocks differ by less than one: the slope takes that on.
-    columns = np.column_stack([np.gradient(theirs[its]), np.ones(end - begin)])
-    away = angle[own] - theirs[its]
-    away = away - columns @ np.linalg.lstsq(columns, away, rcond=None)[0]
-    drive, theirs_too = input_[own], their_input[its]
-    apart = drive - theirs_too
-    columns = np.column_stack([np.gradient(theirs_too), np.ones(len(apart))])
-    apart = apart - columns @ np.linalg.lstsq(columns, apart, rcond=None)[0]
-    same = np.sqrt(np.mean(away**2)) < _STEPS * step and np.std(apart) < _INPUT * np.std(drive)
-    return (end - begin) * dt if same and np.std(drive) > 0.0 else None
+    away, apart = _away(angle[own], theirs[its]), _away(input_[own], their_input[its])
+    driven = float(np.std(input_[own]))
+    return (end - begin) * dt if away < _STEPS * step and apart < _INPUT * driven else None
+
+
+def _away(one: FloatArray, other: FloatArray) -> float:
+    """By how much, rms, two signals differ beside an offset and a part of a sample between their clocks."""
+    columns = np.column_stack([np.gradient(other), np.ones(len(other))])
+    apart = one - other
+    return float(np.std(apart - columns @ np.linalg.lstsq(columns, apart, rcond=None)[0]))
 
 
 def _step(dataset: DataSet) -> float:
@@ -97,16 +98,10 @@ def _at_rate(dataset: DataSet, dt: float) -> tuple[FloatArray, FloatArray]:
 
 def _best_lag(one: FloatArray, other: FloatArray) -> int:
     """Samples by which ``other`` begins later in ``one``, by the largest cross-correlation."""
-    size = len(one) + len(other) - 1
-    length = 1 << (size - 1).bit_length()
-    a, b = (np.fft.rfft(v - v.mean(), length) for v in (one, other))
-    found = np.fft.irfft(a * np.conj(b), length)
-    at = int(np.argmax(found))
-    return at if at < len(one) else at - length
+    found = scipy.signal.correlate(one - one.mean(), other - other.mean(), method="fft")
+    return int(scipy.signal.correlation_lags(len(one), len(other))[np.argmax(found)])
 
 
 def _straight(angle: FloatArray) -> bool:
     """Whether an angle is nearly a straight line: any two are alike."""
-    time = np.arange(len(angle), dtype=np.float64)
-    left = angle - np.polyval(np.polyfit(time, angle, 1), time)
-    return bool(np.std(left) < _BENT * np.std(angle))
+    return bool(np.std(scipy.signal.detrend(angle)) < _BENT * np.std(angle))
