@@ -111,6 +111,6 @@ def test_friction_that_makes_it_worse_leaves_it_as_it_was(moving, monkeypatch):
     fit, _, part, truth = moving
     begun = replace(part, rates=(truth + 1.0, truth + 1.0))
     wanted = first_state._wanted
-    monkeypatch.setattr(first_state, "_wanted", lambda *asked: (-wanted(*asked)[0], 100.0))
+    monkeypatch.setattr(first_state, "_wanted", lambda *asked: -wanted(*asked))
     records = [begun]
     assert from_first_state(fit, records) is records

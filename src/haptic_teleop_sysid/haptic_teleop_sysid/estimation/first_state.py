@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import Packed, pack
 
 from .gauss_newton import Fit
-from .likelihood import FAILURES, channels, covariance, innovations, likelihood_of, seen, settling
+from .likelihood import FAILURES, channels, covariance, innovations, likelihood_of, seen
 from .noise import NoiseModel
 from .records import Record
 
 FloatArray = NDArray[np.float64]
 
-#: Nats that the innovations which count gain by another first state, from which it is taken: by chance, and
-#: where they are white, it is half of one for each part of the state. Of 200 joints, real and simulated,
+#: Log-likelihood that is gained by another first state, from which it is taken: by chance, and where the
+#: innovations are white, it is half a nat for each part of the state. Of 200 joints, real and simulated,
 #: three real ones gain more, two of which begin in motion.
 _GAINED = 6.0
 #: Part of an encoder's step, and of a step a sample, by which the first state is moved to see what answers.
@@ -42,20 +42,17 @@ def _from_first_state(packed: Packed, noise: NoiseModel, record: Record) -> Reco
     if record.at_rest:
         return record
     try:
-        change, gained = _wanted(packed, noise, record)
+        motor, arm, *speeds = np.add((*record.offsets, *record.rates), _wanted(packed, noise, record))
     except FAILURES:
         return record
-    if not gained > _GAINED:
-        return record
-    motor, arm, *speeds = np.add((*record.offsets, *record.rates), change)
     begun = replace(record, offsets=(float(motor), float(arm)), rates=(float(speeds[0]), float(speeds[1])))
     # Friction, a stop or a backlash of the model is not linear in it.
-    held = likelihood_of(packed, noise, [begun]) - likelihood_of(packed, noise, [record])
-    return begun if held > _GAINED else record
+    gained = likelihood_of(packed, noise, [begun]) - likelihood_of(packed, noise, [record])
+    return begun if gained > _GAINED else record
 
 
-def _wanted(packed: Packed, noise: NoiseModel, record: Record) -> tuple[FloatArray, float]:
-    """Change of the first state (4,), and the nats that innovations which count gain by it."""
+def _wanted(packed: Packed, noise: NoiseModel, record: Record) -> FloatArray:
+    """Change of the first state (4,) by which the innovations are smallest."""
     used = len(channels(packed, record))
     run = innovations(packed, noise, record).innovation
     step = _MOVED * record.resolution[0]
@@ -78,7 +75,4 @@ def _wanted(packed: Packed, noise: NoiseModel, record: Record) -> tuple[FloatArr
     errors, *columns = ((one[read, :used] @ weight).reshape(-1) for one in (run, *answers))
     slopes = np.column_stack(columns)
     values = -np.linalg.lstsq(slopes, errors, rcond=1e-9)[0]
-    after = errors + slopes @ values
-    begin = used * int(np.searchsorted(read, settling(record)))
-    gained = 0.5 * float(errors[begin:] @ errors[begin:] - after[begin:] @ after[begin:])
-    return values @ moves, gained
+    return np.asarray(values @ moves)
