@@ -70,13 +70,17 @@ def examined(model: Model, belief: Believed, say: Say) -> Examined:
     result = result.without_companions()
     if not result.choices and doubt is not None:
         doubt = apart(result.baseline, found.learn) or doubt
-    forms = together(
-        spread_by_form(result.final.model, found.learn, found.cutoff),
-        spread_by_stretch(steady(found, result), result.final.model),
-    )
+    forms = forms_of(found, result)
     spread = together(belief.stand.spread, forms)
     result = replace(result, choices=unsure_of_their_shape(result.choices, result.final, spread))
     return Examined(result, doubt, away, acting, adequate, forms)
+
+
+def forms_of(found: Explained, result: SearchResult) -> dict[str, float]:
+    """How far parameters of a result are apart by the form of a law and by stretches."""
+    model = result.final.model
+    by_stretch = spread_by_stretch(steady(found, result), model)
+    return together(spread_by_form(model, found.learn, found.cutoff), by_stretch)
 
 
 def drawn_beside(

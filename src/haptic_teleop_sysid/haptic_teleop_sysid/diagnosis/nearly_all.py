@@ -10,10 +10,9 @@ from .decision.finding import unsure_of_their_shape
 from .decision.misplaced import misplaced
 from .decision.nearly_all_torque import nearly_all_torque
 from .decision.opinion_as_result import as_result
-from .evidence.other_forms import spread_by_form, together
-from .evidence.steadiness import spread_by_stretch
-from .examined import Examined
-from .question import adequacy_of, steady
+from .evidence.other_forms import together
+from .examined import Examined, forms_of
+from .question import adequacy_of
 
 
 def nearly_all(belief: Believed, left: Examined) -> Examined:
@@ -40,10 +39,7 @@ def nearly_all(belief: Believed, left: Examined) -> Examined:
     adequate = replace(adequacy_of(found, named), nearly_all_torque=True)
     if adequate.worse:
         return left
-    forms = together(
-        spread_by_form(named.final.model, found.learn, found.cutoff),
-        spread_by_stretch(steady(found, named), named.final.model),
-    )
+    forms = forms_of(found, named)
     unsure = "predictions of the next sample ask for more"
     if left.doubt is not None:
         unsure += f": {left.doubt.why}"

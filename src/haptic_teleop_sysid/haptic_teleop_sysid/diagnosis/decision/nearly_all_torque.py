@@ -7,10 +7,10 @@ form explains most of the little that they leave, the names are the answer, and 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
-from ..evidence.inverse_dynamics.groups import Chosen
 from ..evidence.inverse_dynamics.witness import Group, Witness
 from ..evidence.second_opinion import APART, NEGLIGIBLE, NO_WORSE, Errors, Heard, Opinion
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL_TORQUE, STRUCTURED
@@ -53,15 +53,9 @@ def _explain(witness: Witness, group: Group) -> bool:
     left = 1.0 - witness.folds.explained(group.hypotheses)
     if left > 1.0 - NEARLY_ALL_TORQUE:
         return False
-    without = (1.0 - witness.folds.explained(others) for others in _all_but_one(group.hypotheses))
+    all_but_one = itertools.combinations(group.hypotheses, len(group.hypotheses) - 1)
+    without = (1.0 - witness.folds.explained(others) for others in all_but_one)
     if any(left > (1.0 - LEAST_EXPLAINED) * more for more in without):
         return False
     rest = witness.beside(group)
     return rest is None or rest[1] < STRUCTURED
-
-
-def _all_but_one(named: Chosen) -> list[Chosen]:
-    """A group's effects without each of them, none where it has only one."""
-    if len(named) == 1:
-        return []
-    return [named[:i] + named[i + 1 :] for i in range(len(named))]
