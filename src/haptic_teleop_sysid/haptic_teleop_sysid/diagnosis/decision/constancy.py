@@ -55,7 +55,8 @@ def apart(baseline: Fit, estimation: Sequence[Record]) -> Doubt | None:
     for name, records in by_name.items():
         there = held_out_fit(baseline, records, [baseline.noise])
         own = fit_whole(baseline.model, there.noise, records, free=baseline.free, iterations=_STEPS)
-        if colour(own, records) > COLOURED and more_coloured((colour(own, records),), [(own, records)]):
+        left = colour(own, records)
+        if left > COLOURED and more_coloured([left], [(own, records)]):
             return None
         gained += own.log_likelihood - there.log_likelihood
         owns[name] = own

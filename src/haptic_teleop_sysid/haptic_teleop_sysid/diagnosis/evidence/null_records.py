@@ -103,9 +103,7 @@ def null_record(fit: Fit, noise: NoiseModel, record: Record, generator: np.rando
     with np.errstate(over="ignore"):  # what runs away is told by who asked
         measured = np.where(np.isfinite(record.measured), np.rint(read / steps) * steps, np.nan)
     # Here the first reading is where it began.
-    return replace(
-        record, name=f"{record.name}, nothing hidden", measured=measured, offsets=(0.0, 0.0)
-    )
+    return replace(record, name=f"{record.name}, nothing hidden", measured=measured, offsets=(0.0, 0.0))
 
 
 def levels_of(fit: Fit, dataset: DataSet) -> list[NoiseModel]:
