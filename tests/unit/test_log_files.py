@@ -112,6 +112,13 @@ def test_a_last_line_that_was_not_finished_is_left_out_and_told(tmp_path):
     assert any("cut short" in remark for remark in log.remarks)
 
 
+def test_a_model_is_no_log(tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text("robot: generic\njoint: j1\n")
+    with pytest.raises(RecordingError, match=r"is YAML, as models and scenarios are.*name a recording"):
+        read_log(path)
+
+
 def test_more_rows_than_are_taken_are_refused_of_arrays_too(tmp_path, monkeypatch):
     monkeypatch.setattr("haptic_teleop_sysid.logs.log.MOST_ROWS", 200)
     path = tmp_path / "log.npz"

@@ -102,6 +102,8 @@ def kind_of(path: Path) -> str:
         ) from None
     except OSError as error:
         raise RecordingError(f"{path} cannot be read ({error.strerror or error}): name another.") from error
+    if path.suffix.lower() in (".yaml", ".yml"):
+        raise RecordingError(f"{path} is YAML, as models and scenarios are, and no log: name a recording.")
     if head.startswith(_ENCRYPTED):
         raise RecordingError(f"{path} is encrypted: decrypt it, and import what comes out.")
     if head.startswith(_SPREADSHEET):
