@@ -80,7 +80,7 @@ CUT = """() => {
 }"""
 
 
-VIEWS = [(420, "screen"), (800, "screen"), (1280, "screen"), (A4, "print")]
+VIEWS = [(420, "screen"), (800, "screen"), (900, "screen"), (1100, "screen"), (1280, "screen"), (A4, "print")]
 NAMES = {"force_controller", "faults", "commands", "blind_benchmark"}
 
 
@@ -113,4 +113,4 @@ def test_a_narrow_screen_has_the_heading_of_a_column_at_each_cell(site, view):
         ".map(e => [e.dataset.label, getComputedStyle(e, '::before').content])"
     )
     labelled = [(label, shown) for label, shown in told if label]
-    assert len(labelled) == 6 and all(shown == f'"{label}: "' for label, shown in labelled)
+    assert len(labelled) == 8 and all(shown == f'"{label}: "' for label, shown in labelled)
