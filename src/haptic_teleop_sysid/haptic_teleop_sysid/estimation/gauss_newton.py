@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from .noise import NoiseModel
 from .records import Record
 
 FloatArray = NDArray[np.float64]
+Answer = TypeVar("Answer")
 
 #: A parameter of the structure moves at most by this factor in one step.
 _LARGEST_FACTOR = 4.0
@@ -59,6 +60,18 @@ class Fit:
     iterations: int
     message: str
     at_bound: tuple[str, ...] = field(default=())
+    _asked: dict[Hashable, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
+
+    def once(
+        self, question: Hashable, records: Sequence[Record], answer: Callable[[], Answer]
+    ) -> Answer:
+        """The answer to a question about this fit and some records, which several steps of a diagnosis ask:
+        computed when it is asked first."""
+        key = question, tuple(map(id, records))
+        if key not in self._asked:
+            self._asked[key] = answer(), tuple(records)  # kept: another record could get the same identity
+        found: Answer = self._asked[key][0]
+        return found
 
 
 def ends_with_its_model(fit: Callable[..., Fit]) -> Callable[..., Fit]:

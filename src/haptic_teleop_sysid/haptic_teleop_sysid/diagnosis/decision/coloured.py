@@ -49,6 +49,11 @@ def left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[
     """Whether what a fit leaves is random as far as these recordings show: its innovations are white, and the
     left-over torque is no larger than chance is on a machine and follows nothing that was measured to speak
     of, with a memory or without, nor the input in detail."""
+    both = *estimation, *validation
+    return fit.once(("random", len(estimation)), both, lambda: _left_is_random(fit, estimation, validation))
+
+
+def _left_is_random(fit: Fit, estimation: Sequence[Record], validation: Sequence[Record]) -> bool:
     if not left_size(fit, [*estimation, *validation]) <= MOST_RANDOM or coloured(fit, estimation, validation):
         return False
     found = conditions(fit, estimation, validation, fit.model.joint)

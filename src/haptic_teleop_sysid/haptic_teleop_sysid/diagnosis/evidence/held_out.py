@@ -156,6 +156,10 @@ def held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseMode
     and a model that leaves nothing unexplained has levels near zero, under which the smallest further effect
     is a catastrophe.  The way there is made on thinned recordings where they are long.
     """
+    return fit.once(("held out", *levels), records, lambda: _held_out_fit(fit, records, levels))
+
+
+def _held_out_fit(fit: Fit, records: Sequence[Record], levels: Sequence[NoiseModel]) -> Fit:
     few = thinned_to(records, _FEWER)
 
     def onward(noise: NoiseModel, steps: int) -> Fit:

@@ -24,7 +24,7 @@ from haptic_teleop_sysid.estimation.records import Record
 
 from ...hypotheses.candidates import Scanned
 from .band import motion_band
-from .motion import BandedMotion, banded
+from .motion import KEPT_PER_PERIOD, BandedMotion, banded
 
 FloatArray = NDArray[np.float64]
 
@@ -79,11 +79,14 @@ def _best(model: Model, motions: Sequence[BandedMotion], place: str) -> float:
 def _nats(model: Model, motion: BandedMotion, place: str, delay: float) -> float:
     """Log-likelihood of the equations of a motion whose channel at ``place`` is late by ``delay``, s."""
     n, spare = len(motion.time), round((MOST + 1.0 / motion.cutoff) / motion.dt)
-    inside = slice(spare, n - spare) if n > 4 * spare else slice(n // 4, n - n // 4)
+    # Nothing is faster than the band: more samples of it say the same again.
+    step = max(round(1.0 / (KEPT_PER_PERIOD * motion.cutoff * motion.dt)), 1)
+    inside = slice(spare, n - spare, step) if n > 4 * spare else slice(n // 4, n - n // 4, step)
 
     def shown(values: FloatArray, at: str) -> FloatArray:
-        late = delay if at == place else 0.0
-        return np.interp(motion.time + late, motion.time, values)[inside]
+        if at != place or delay == 0.0:
+            return values[inside]
+        return np.interp(motion.time[inside] + delay, motion.time, values)
 
     def moved(channel: int, at: str) -> list[FloatArray]:
         q, v, a = (shown(x[:, channel], at) for x in (motion.angle, motion.velocity, motion.acceleration))
@@ -98,7 +101,7 @@ def _nats(model: Model, motion: BandedMotion, place: str, delay: float) -> float
         other, *arm = moved(1, "arm_encoder")
         deflection = angle - other
         parts = [(drive, [*motor, deflection]), (deflection, arm)]
-    independent = 2.0 * motion.cutoff * motion.dt * len(drive)
+    independent = 2.0 * motion.cutoff * motion.dt * step * len(drive)
     return sum(-0.5 * independent * np.log(_left(*part)) for part in parts)
 
 
