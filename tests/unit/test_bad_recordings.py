@@ -59,7 +59,7 @@ def test_recordings_of_one_machine_pass(data):
     for one in (*data, closed):
         refuse_kinematic([one])
         refuse_unrelated(record_from(one, commanded=True), "stage1")
-        refuse_motionless(record_from(one, commanded=True), "stage1")
+        refuse_motionless([record_from(one, commanded=True)], "stage1")
 
 
 def test_a_log_of_one_step_passes_although_its_input_hardly_varies(data):
@@ -334,8 +334,16 @@ def test_noise_about_one_place_is_no_motion(data):
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(record))
     still = replace(record, measured=np.column_stack([0.2 + noise, 0.2 + noise]))
     with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
-        refuse_motionless(still, "stage1")
-    refuse_motionless(replace(still, measured=still.measured + record.measured), "stage1")
+        refuse_motionless([still], "stage1")
+    refuse_motionless([replace(still, measured=still.measured + record.measured)], "stage1")
+
+
+def test_an_input_that_only_changes_from_piece_to_piece_drives(data):
+    record = record_from(data[0], commanded=True)
+    pieces = [replace(record, input=np.full(len(record), level)) for level in (0.1, -0.1)]
+    refuse_motionless(pieces, "stage1")
+    with pytest.raises(RecordingError, match="the input of stage1 does not change"):
+        refuse_motionless([pieces[0], pieces[0]], "stage1")
 
 
 def test_rounding_of_a_huge_angle_is_no_motion(data):
@@ -344,7 +352,7 @@ def test_rounding_of_a_huge_angle_is_no_motion(data):
     rounded[::3] = np.nextafter(1e300, 2e300)
     still = replace(record, measured=np.column_stack([rounded, rounded]))
     with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
-        refuse_motionless(still, "stage1")
+        refuse_motionless([still], "stage1")
 
 
 def test_two_hundred_samples_are_refused_with_what_is_needed():

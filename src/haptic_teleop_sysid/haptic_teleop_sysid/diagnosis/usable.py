@@ -49,9 +49,10 @@ def records_of(data: list[DataSet]) -> list[Record]:
                 f"{SHORTEST_STRETCH} in a row, and {FEWEST_SAMPLES} in all: record for longer, or leave it "
                 "out."
             )
-        refuse_motionless(longest, dataset.joint)
+        used = [piece for piece in pieces if len(piece) >= SHORTEST_STRETCH]
+        refuse_motionless(used, dataset.joint)
         refuse_unrelated(longest, dataset.joint)
-        records += [piece for piece in pieces if len(piece) >= SHORTEST_STRETCH]
+        records += used
     together = sum(map(len, records))
     if records and together < FEWEST_SAMPLES:
         raise RecordingError(

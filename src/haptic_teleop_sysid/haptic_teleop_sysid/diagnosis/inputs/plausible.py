@@ -171,21 +171,23 @@ def with_contradictions(dataset: DataSet) -> DataSet:
     return replace(dataset, problems=(*dataset.problems, problem))
 
 
-def refuse_motionless(record: Record, joint: str) -> None:
-    """Raise RecordingError where nothing drives the joint, or its motor does not move by more than its
-    encoder's step, or than its readings scatter by."""
-    if not float(np.nanstd(record.input)) > 1e-9 * max(float(np.nanmax(np.abs(record.input))), 1e-300):
+def refuse_motionless(pieces: Sequence[Record], joint: str) -> None:
+    """Raise RecordingError where nothing drives the joint in any piece of a recording, or its motor does not
+    move by more than its encoder's step, or than its readings scatter by."""
+    driven = np.concatenate([piece.input for piece in pieces])
+    if not float(np.nanstd(driven)) > 1e-9 * max(float(np.nanmax(np.abs(driven))), 1e-300):
         what = "input"
     else:
-        angle = record.measured[np.isfinite(record.measured[:, 0]), 0]
+        angles = [piece.measured[np.isfinite(piece.measured[:, 0]), 0] for piece in pieces]
+        angle = np.concatenate(angles)
         # Third differences leave of a smooth motion what its readings scatter by (variance 20 times theirs).
-        scatter = float(np.std(np.diff(angle, 3))) / np.sqrt(20.0)
+        scatter = float(np.std(np.concatenate([np.diff(one, 3) for one in angles]))) / np.sqrt(20.0)
         moves = len(angle) > 0 and np.ptp(angle) > _ROUNDING * np.max(np.abs(angle))
-        if moves and float(np.std(angle)) > max(0.5 * record.resolution[0], _SCATTER * scatter):
+        if moves and float(np.std(angle)) > max(0.5 * pieces[0].resolution[0], _SCATTER * scatter):
             return
         what = "motor angle"
     raise RecordingError(
-        f"{record.name}: the {what} of {joint} does not change, so there is nothing to diagnose: record "
+        f"{pieces[0].name}: the {what} of {joint} does not change, so there is nothing to diagnose: record "
         "while this joint is driven, or give the model of the one that was."
     )
 
