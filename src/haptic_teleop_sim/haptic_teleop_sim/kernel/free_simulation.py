@@ -19,6 +19,8 @@ Spans = Sequence[tuple[int, int]]
 ENOUGH = 1e-4
 """Relative gain of the sum of squares that is not worth another response."""
 MOST_TRIALS = 30
+LONGEST = 1_000_000
+"""Samples of a window by which its start is sought: each takes up to 340 bytes."""
 
 
 def nearest_starts(
@@ -41,11 +43,12 @@ def nearest_starts(
     ``packed``: mechanics alone; ``torque`` (n,): what acts on the motor, N·m; ``begin`` (windows, 4): from
     where to search, and what is returned where the response does not stay finite. Minimised is the sum of
     squares of the errors of both angles times ``weights`` (2,), 1/rad, and of both rates times
-    ``rate_weights`` (2,), s/rad, 0.0 for one that does not count. Rates are those of ``velocity_filter``
-    (cut-off in Hz, damping), by differences without one. Damped Gauss-Newton with the exact sensitivities of
-    the response.
+    ``rate_weights`` (2,), s/rad, 0.0 for one that does not count, over the first LONGEST samples of a window.
+    Rates are those of ``velocity_filter`` (cut-off in Hz, damping), by differences without one. Damped
+    Gauss-Newton with the exact sensitivities of the response.
     """
     states = np.array(begin, dtype=np.float64)
+    spans = [(start, min(stop, start + LONGEST)) for start, stop in spans]
     filtered = velocity_filter is not None
     coefficients = velocity_coefficients(dt, *velocity_filter) if velocity_filter else np.zeros((2, 4))
     both = (np.array(one, dtype=np.float64) for one in (weights, rate_weights))

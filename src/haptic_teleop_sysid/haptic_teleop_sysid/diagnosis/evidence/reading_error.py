@@ -91,20 +91,17 @@ def reading_error(
     where it does not, and of a flexible joint, whose place parity equations tell."""
     if not model.rigid:
         return None
-    here, there = (equations(model, records, cutoff) for records in (estimation, validation))
-    travels = [_travel(side) for side in (here, there)]
-    if not all(map(len, travels)):
-        return None
     try:
+        here, there = (equations(model, records, cutoff) for records in (estimation, validation))
+        travels = [_travel(side) for side in (here, there)]
         return _drawn(model, named, Search(model, here, there), travels)
     except FAILURES:
         return None
 
 
 def _travel(side: Equations) -> FloatArray:
-    """Lowest and highest angle of some recordings, but for the last ones; none where nothing was read."""
-    seen = np.concatenate([np.zeros(0), *(m.angle[m.kept, 0] for m in side.motions)])
-    return np.quantile(seen, [0.002, 0.998]) if len(seen) else seen
+    """Lowest and highest angle of some recordings, but for the last ones."""
+    return np.quantile(np.concatenate([m.angle[m.kept, 0] for m in side.motions]), [0.002, 0.998])
 
 
 def _drawn(

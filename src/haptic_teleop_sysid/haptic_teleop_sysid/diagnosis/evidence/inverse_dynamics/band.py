@@ -22,7 +22,7 @@ POWER, ABOVE = 0.95, 4.0
 STANDS_OUT = 30.0
 #: Octaves about a frequency: a motor that cogs at varying speed has a hump of one.
 _ABOUT, _PLACES = 3.0, 96
-#: Lowest and highest cut-off: cycles over a stretch that counts, and share of the sampling rate.
+#: Lowest and highest cut-off: cycles over a stretch that counts, and share of the rate of the readings.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
 #: s, length of the stretches whose spectra are averaged.
 SEGMENT = 8.0
@@ -34,10 +34,10 @@ def motion_band(records: Sequence[Record]) -> float:
     rises: the velocity of a coarse encoder has most of its power where nothing moves. What stands out behind
     it by more than the encoder's steps is motion, too (`_lines`). Half of the samples lie in stretches of
     LEAST_CYCLES of it at least: a short one between two holes says nothing of the band."""
-    slowest = 1.0 / max(r.dt for r in records)
+    slowest = min(np.count_nonzero(r.read[:, 0]) / (len(r) * r.dt) for r in records)
     lengths = sorted((len(r) * r.dt for r in records), reverse=True)
     shortest = lengths[int(np.searchsorted(np.cumsum(lengths), 0.5 * sum(lengths)))]
-    grid = np.linspace(0.0, 0.5 * slowest, 4096)
+    grid = np.linspace(0.0, 0.5 / max(r.dt for r in records), 4096)
     spectrum = np.zeros(len(grid))
     for record in records:
         speed = np.diff(bridged(record.measured[:, 0])) / record.dt

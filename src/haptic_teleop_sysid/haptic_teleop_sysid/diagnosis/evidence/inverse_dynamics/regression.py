@@ -141,8 +141,11 @@ def signs(place: str, rigid: bool) -> tuple[float, ...]:
 
 def equations(model: Model, records: Sequence[Record], cutoff: float) -> Equations:
     """The equations of a model's joint along recordings that are `long_enough`, filtered at ``cutoff``, Hz;
-    the model's own effects count as known as far as they are torques along the motion."""
+    the model's own effects count as known as far as they are torques along the motion. ValueError where no
+    sample counts."""
     motions = tuple(banded(r, model.rigid, cutoff) for r in long_enough(records, cutoff))
+    if not any(len(m.kept) for m in motions):
+        raise ValueError(f"no sample of these recordings counts at {cutoff:.3g} Hz")
 
     def along(pick: Callable[[BandedMotion], FloatArray]) -> FloatArray:
         return np.concatenate([m.filtered(pick(m)) for m in motions])
