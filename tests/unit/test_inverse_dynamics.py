@@ -215,6 +215,10 @@ def test_a_delay_is_found_between_the_sizes_that_are_tried(delay):
     assert effects["input_delay"].parameters["delay"] == pytest.approx(delay, rel=0.04)
 
 
+def test_a_delay_next_to_the_longest_is_found():
+    assert "input_delay" in named(best(asked(RIGID, *(acts_late(s, delay=0.2475) for s in (0, 1)))))
+
+
 @pytest.mark.parametrize("coulomb", [0.3, 0.9, 1.5])
 def test_dry_friction_alone_is_no_late_actuator(coulomb):
     """It takes away a part of the inertia, and so would a lag, with an inertia that falls."""

@@ -46,11 +46,15 @@ def null_records(fit: Fit, records: Sequence[Record]) -> list[Record]:
 
 def rounding_shows(found: Explanation, before: Fit, records: Sequence[Record]) -> bool:
     """Whether what was found explains simulated recordings of the model without it, ``before``, as it does
-    the real ones (AS_WELL): it then stands for the encoders' steps."""
+    the real ones (AS_WELL): it then stands for the encoders' steps. The model without it begins with the
+    noise levels that were found beside it, too, which are no merit of the effect."""
     made = null_records(before, records)
-    alone = fit_whole(before.model, before.noise, made, free=before.free, iterations=_STEPS)
     beside = fit_whole(found.fit.model, found.fit.noise, made, free=found.fit.free, iterations=_STEPS)
-    return beside.log_likelihood - alone.log_likelihood > AS_WELL * found.gain
+    alone = max(
+        fit_whole(before.model, noise, made, free=before.free, iterations=_STEPS).log_likelihood
+        for noise in (before.noise, beside.noise)
+    )
+    return beside.log_likelihood - alone > AS_WELL * found.gain
 
 
 def disturbed_as(fit: Fit, record: Record) -> NoiseModel:

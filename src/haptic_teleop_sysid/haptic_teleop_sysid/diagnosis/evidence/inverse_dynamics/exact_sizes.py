@@ -50,10 +50,12 @@ class Sized(Hypothesis):
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """By how much (N·m) an effect's torque changes with the logarithm of its size."""
+    """By how much (N·m) an effect's torque changes with the logarithm of its size, by two of them that are so
+    many ``steps`` apart."""
 
     below: Hypothesis
     above: Hypothesis
+    steps: int
 
     @property
     def place(self) -> str:
@@ -62,7 +64,7 @@ class Slope:
 
     def columns(self, motion: BandedMotion, model: Model) -> FloatArray:
         """See `Term.columns`."""
-        apart = 2.0 * _NEAR * math.log(_RATIO)
+        apart = self.steps * math.log(_RATIO)
         return (self.above.columns(motion, model) - self.below.columns(motion, model)) / apart
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -73,7 +75,8 @@ class Slope:
 def slope_of(one: Sized) -> Slope:
     """The slope of an effect at its size."""
     number = _number_of(dict(one.shape)[one.sizes[0]])
-    return Slope(_at(one, number - _NEAR), _at(one, number + _NEAR))
+    near = [n for n in range(number - _NEAR, number + _NEAR + 1) if _may_be(one, n)]
+    return Slope(_at(one, near[0]), _at(one, near[-1]), near[-1] - near[0])
 
 
 class ExactSizes:
@@ -118,14 +121,17 @@ class ExactSizes:
         key = one.entry, number
         if key not in self._known:
             found = _at(one, number)
-            p = one.entry.parameter(one.sizes[0])
-            inside = p.within(_RATIO**number) == _RATIO**number
-            self._known[key] = found, inside and self._admitted(found)
+            self._known[key] = found, _may_be(one, number) and self._admitted(found)
         return self._known[key]
 
 
 def _number_of(size: float) -> int:
     return round(math.log(size) / math.log(_RATIO))
+
+
+def _may_be(one: Hypothesis, number: int) -> bool:
+    """Whether the size lies within the range of its parameter."""
+    return one.entry.parameter(one.sizes[0]).within(_RATIO**number) == _RATIO**number
 
 
 def _at(one: Hypothesis, number: int, ends: bool = False) -> Sized:
