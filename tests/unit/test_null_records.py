@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 from identification_plants import STAGE, stage_recording
+from stepped_machines import RIGID, swing
+from stepped_machines import record as stepped
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence.null_records import expected_colour, rounding_shows
@@ -47,3 +49,18 @@ def test_what_is_there_does_not_show_where_it_is_not():
     assert not rounding_shows(Explanation(after, gain, gain, True, 0), before, rubbed)
     # What gains no more than the simulated recordings do with it is the encoders'.
     assert rounding_shows(Explanation(after, -1e3, 0.0, True, 0), before, rubbed)
+
+
+def test_noise_levels_are_no_merit_of_what_was_found():
+    """A pendulum that swings out after a push, read coarsely: its gravity looked as if it showed on recordings
+    without it, too, by noise levels that the model without it was not begun with."""
+    push = np.zeros(7500)
+    push[200:500] = -1.5
+    swung = stepped(push, swing(push, 0.14, 0.02, 0.1, 4.0, 0.0, 0.0, 0.0)[:, None], 1e-5)
+    swung = replace(swung, measured=0.003 * np.rint(swung.measured / 0.003), resolution=(0.003, 1.0))
+    before = fit_from_scratch(RIGID, [swung])
+    gravity = Effect("gravity", "j_motor", {"torque": 4.0, "phase": 0.0})
+    after = fit_whole(before.model.with_effects(gravity), before.noise, [swung])
+    gain = after.log_likelihood - before.log_likelihood
+    assert gain > 100.0
+    assert not rounding_shows(Explanation(after, gain, gain, True, 0), before, [swung])
