@@ -52,7 +52,7 @@ def test_what_is_there_does_not_show_where_it_is_not():
 
 
 def test_noise_levels_are_no_merit_of_what_was_found():
-    """A pendulum that swings out after a push, read coarsely: its gravity looked as if it showed on recordings
+    """A pendulum that swings out after a push, read coarsely: its gravity seemed to show on recordings
     without it, too, by noise levels that the model without it was not begun with."""
     push = np.zeros(7500)
     push[200:500] = -1.5
