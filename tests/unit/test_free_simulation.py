@@ -6,7 +6,7 @@ import pytest
 from plants import flexible, rigid
 from scipy.optimize import least_squares
 
-from haptic_teleop_sim.kernel import nearest_starts, pack, respond, simulate
+from haptic_teleop_sim.kernel import free_simulation, nearest_starts, pack, respond, simulate
 
 DT, N = 1e-3, 600
 SPANS = [(0, 150), (150, 390), (420, 600)]
@@ -147,3 +147,18 @@ def test_windows_of_a_straight_joint_begin_together_where_each_alone_does():
 
     alone = [found([span], first[None])[0] for span, first in zip(spans, begin, strict=True)]
     np.testing.assert_allclose(found(spans, begin), alone, rtol=1e-9, atol=1e-12)
+
+
+def test_of_a_long_window_the_beginning_says_where_it_begins(monkeypatch):
+    packed = one_torque_constant(flexible(FRICTION))
+    motion = simulate(packed, TORQUE, DT, [0.1, -0.1, 0.5, 0.2])
+    angles = np.column_stack([motion.motor_position, motion.arm_position])
+    begin, weights = np.array([[0.1, -0.1, 0.0, 0.0]]), np.array([1.0, 1.0])
+    monkeypatch.setattr(free_simulation, "LONGEST", 200)
+    for first in (200, 100):
+        read = angles.copy()
+        read[first:] += 1.0
+        found = nearest_starts(
+            packed, TORQUE, read, DT, [(0, N)], begin, weights=weights, rate_weights=weights
+        )
+        assert np.allclose(found[0], [0.1, -0.1, 0.5, 0.2], atol=1e-3) == (first == 200)

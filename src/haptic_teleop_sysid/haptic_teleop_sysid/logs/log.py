@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sysid.logs.headers import split_header
 
-MOST_ROWS = 6_000_000
+MOST_ROWS = 5_000_000
 """Rows of a log beyond which it is refused unread: its arrays would not fit beside each other."""
 MOST_BYTES = 2 << 30
 """Bytes of arrays in a file beyond which it is refused unread."""

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 PEAK_SAMPLES = 5
 """First samples that an offset ignores, to reject a peak at the start (thesis 3.2.1)."""
-MOST_MESSAGES = 6_000_000
+MOST_MESSAGES = 5_000_000
 """Messages of a recording beyond which it is refused unread: its arrays would not fit beside each other."""
 MOST_SAMPLES = 2_000_000
 """Samples that one estimate takes, all recordings together: derivatives by ten parameters fill 0.5 GB."""
