@@ -346,6 +346,13 @@ def test_an_input_that_only_changes_from_piece_to_piece_drives(data):
         refuse_motionless([pieces[0], pieces[0]], "stage1")
 
 
+def test_a_joint_that_is_moved_between_pieces_alone_is_not_driven(data):
+    record = record_from(data[0], commanded=True)
+    still = [replace(record, measured=np.full_like(record.measured, angle)) for angle in (0.0, 1.0)]
+    with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
+        refuse_motionless(still, "stage1")
+
+
 def test_rounding_of_a_huge_angle_is_no_motion(data):
     record = record_from(data[0], commanded=True)
     rounded = 1e300 * (1.0 + 1e-16 * np.sin(np.arange(len(record))))

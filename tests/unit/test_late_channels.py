@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from test_diagnosis_events import STAGE, dataset
 
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.late_channels import RATIO, late_channels
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.late_channels import RATIO, _nats, late_channels
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
 
 LATE = 0.046
+DELAYS = (0.0, 0.01, -0.01, 0.04, -0.04)
 
 
 def late(data, channel):
@@ -36,6 +38,25 @@ def test_a_start_is_offered_where_the_equations_hold(channel, location):
 
 def test_nothing_is_late_where_nothing_was_moved():
     assert late_channels(STAGE, records_of([dataset(1)])) == {}
+
+
+def test_short_stretches_between_holes_say_nothing():
+    """Of a stretch that is hardly longer than the shifts a row or two is left, which any delay explains."""
+    records = records_of([late(dataset(1), "motor")])
+    (one,) = records
+    few = [
+        replace(
+            one,
+            input=one.input[first : first + 260],
+            measured=one.measured[first : first + 260],
+            exogenous=one.exogenous[first : first + 260],
+        )
+        for first in range(500, 3000, 500)
+    ]
+    cutoff = 5.0 / (260 * one.dt)
+    nats = [_nats(STAGE, banded(piece, False, cutoff), "motor_encoder", d) for piece in few for d in DELAYS]
+    assert set(nats) == {0.0}
+    assert late_channels(STAGE, [*records, *few]).keys() == late_channels(STAGE, records).keys()
 
 
 def test_a_late_encoder_of_a_flexible_joint_is_named_with_its_delay():

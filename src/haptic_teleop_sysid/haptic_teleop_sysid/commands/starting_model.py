@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES, Model
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band, rate_of_readings
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import independent
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import BRIDGED, BandedMotion, banded
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.products import solved
@@ -184,8 +184,7 @@ def _refuse_another_time(dataset: DataSet) -> None:
 def _band(records: Sequence[Record]) -> float:
     """The band of the motion, Hz; a quarter of it where noise fills it to its end."""
     band = motion_band(records)
-    slowest = 1.0 / max(r.dt for r in records)
-    return _QUIET * band if band >= _NOISY * slowest else band
+    return _QUIET * band if band >= _NOISY * rate_of_readings(records) else band
 
 
 def _unit_model(joint: str, structure: str, io: Mapping[str, Any]) -> Model:

@@ -51,7 +51,8 @@ def records_of(data: list[DataSet]) -> list[Record]:
             )
         used = [piece for piece in pieces if len(piece) >= SHORTEST_STRETCH]
         refuse_motionless(used, dataset.joint)
-        refuse_unrelated(longest, dataset.joint)
+        driven = [piece for piece in used if np.ptp(piece.input) > 0.0]
+        refuse_unrelated(max(driven, key=len), dataset.joint)
         records += used
     together = sum(map(len, records))
     if records and together < FEWEST_SAMPLES:

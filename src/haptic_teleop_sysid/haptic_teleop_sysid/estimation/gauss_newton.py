@@ -66,7 +66,7 @@ class Fit:
         self, question: Hashable, records: Sequence[Record], answer: Callable[[], Answer]
     ) -> Answer:
         """The answer to a question about this fit and some records, which several steps of a diagnosis ask:
-        computed when it is asked first."""
+        computed when it is asked first. A copy by `replace` knows nothing yet."""
         key = question, tuple(map(id, records))
         if key not in self._asked:
             self._asked[key] = answer(), tuple(records)  # kept: another record could get the same identity

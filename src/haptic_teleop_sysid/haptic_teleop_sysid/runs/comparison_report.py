@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from haptic_teleop_sim.kernel.free_simulation import LONGEST
 from haptic_teleop_sysid.estimation.residuals import UNDER_FEEDBACK
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.scatter import beyond_scatter
@@ -81,12 +82,14 @@ def _recording(page: Page, result: Comparison, bag: str, picture: Plot) -> None:
         errors.append([called, *(f"{fit.rms[s]:.4g}" if s in fit.rms else "–" for s in signals)])
     section.table(["model", *signals], rows, "Fit in percent: 100·(1 − ‖y − ŷ‖ / ‖y − mean y‖)")
     section.table(["model", *(f"{s} ({units[s]})" for s in signals)], errors, "Error, root mean square")
+    limited = ""
+    if max(stop - start for start, stop in chosen.spans) > LONGEST:
+        limited = f"by its first {LONGEST} samples, "
     section.text(
         f"{len(dataset)} samples of {period_text(dataset.dt)} from {dataset.time[0]:.2f} to "
         f"{dataset.time[-1]:.2f} s. "
         f"The response is simulated {chosen.extent} ({chosen.why}); the initial state is estimated for each, "
-        f"nothing is "
-        "corrected along the way, and all models use the same."
+        f"{limited}nothing is corrected along the way, and all models use the same."
     )
 
 

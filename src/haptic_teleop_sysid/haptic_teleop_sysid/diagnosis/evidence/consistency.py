@@ -262,7 +262,7 @@ def refuse_unrelated(record: Record, joint: str) -> None:
     which may be slower than the stretches of a coherence, and behind a slow drive."""
     size = len(record) // (_STRETCHES // 2)
     motion = np.gradient(bridged(record.measured[:, 0]))
-    if np.std(motion) <= 0.0 or np.std(record.input) <= 0.0 or size < 32 or _one_step(record.input):
+    if np.std(motion) <= 0.0 or size < 32 or _one_step(record.input):
         return
     _, shared = scipy.signal.coherence(record.input, motion, nperseg=size, noverlap=size // 2)
     largest = float(np.max(shared[1:]))

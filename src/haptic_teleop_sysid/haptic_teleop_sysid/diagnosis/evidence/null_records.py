@@ -46,15 +46,21 @@ def null_records(fit: Fit, records: Sequence[Record]) -> list[Record]:
 
 def rounding_shows(found: Explanation, before: Fit, records: Sequence[Record]) -> bool:
     """Whether what was found explains simulated recordings of the model without it, ``before``, as it does
-    the real ones (AS_WELL): it then stands for the encoders' steps. The model without it begins with the
-    noise levels that were found beside it, too, which are no merit of the effect."""
+    the real ones (AS_WELL): it then stands for the encoders' steps. Each of the two models begins with the
+    noise levels of the other one, too: levels that only one of them finds are no merit of the effect."""
     made = null_records(before, records)
-    beside = fit_whole(found.fit.model, found.fit.noise, made, free=found.fit.free, iterations=_STEPS)
-    alone = max(
-        fit_whole(before.model, noise, made, free=before.free, iterations=_STEPS).log_likelihood
-        for noise in (before.noise, beside.noise)
+    begun = [_fitted_again(fit, fit.noise, made) for fit in (before, found.fit)]
+    pairs = zip((before, found.fit), begun, reversed(begun), strict=True)
+    alone, beside = (
+        max(own.log_likelihood, _fitted_again(fit, other.noise, made).log_likelihood)
+        for fit, own, other in pairs
     )
-    return beside.log_likelihood - alone > AS_WELL * found.gain
+    return beside - alone > AS_WELL * found.gain
+
+
+def _fitted_again(fit: Fit, noise: NoiseModel, records: Sequence[Record]) -> Fit:
+    """A fit of the same model to other records, from noise levels."""
+    return fit_whole(fit.model, noise, records, free=fit.free, iterations=_STEPS)
 
 
 def disturbed_as(fit: Fit, record: Record) -> NoiseModel:

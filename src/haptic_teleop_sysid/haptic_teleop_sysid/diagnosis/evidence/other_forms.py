@@ -22,7 +22,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 
-from .inverse_dynamics.band import MOST_OF_RATE
+from .inverse_dynamics.band import highest_cutoff
 from .inverse_dynamics.products import solved
 from .inverse_dynamics.regression import Equations, equations, signs
 from .inverse_dynamics.terms import Hypothesis
@@ -45,10 +45,9 @@ def spread_by_form(model: Model, records: Sequence[Record], cutoff: float) -> di
     several = [e for e in model.effects if e.entry.other_forms]
     if not several:
         return {}
-    highest = min(MOST_OF_RATE / r.dt for r in records)
     bare = replace(model, effects=(), fixed=tuple(n for n in model.fixed if "." not in n))
     try:
-        side = equations(bare, records, min(WIDER * cutoff, highest))
+        side = equations(bare, records, min(WIDER * cutoff, highest_cutoff(records)))
         return _differences(side, several)
     except FAILURES:
         return {}

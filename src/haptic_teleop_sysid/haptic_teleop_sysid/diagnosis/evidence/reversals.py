@@ -31,7 +31,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.simulation.covariance import deviations, sandwich, scaled_inverse
 
-from .inverse_dynamics.band import MOST_OF_RATE
+from .inverse_dynamics.band import highest_cutoff
 from .inverse_dynamics.motion import BRIDGED, BandedMotion, banded, in_long_runs, low_passed
 
 FloatArray = NDArray[np.float64]
@@ -153,7 +153,7 @@ def _read(record: Record, rigid: bool, motion: BandedMotion) -> NDArray[np.bool_
 def _motion(record: Record, rigid: bool, place: str) -> tuple[BandedMotion, float] | None:
     """The motion in the band of its reversals, and its period, s; None where it does not turn twice."""
     own = 1 if place == "arm" else 0
-    most = min(HIGHEST, MOST_OF_RATE / record.dt)
+    most = min(HIGHEST, highest_cutoff([record]))
     motion = banded(record, rigid, most)
     period = _period(motion.velocity[:, own], motion.dt)
     if period is not None and ABOVE / period < most:

@@ -179,11 +179,12 @@ def refuse_motionless(pieces: Sequence[Record], joint: str) -> None:
         what = "input"
     else:
         angles = [piece.measured[np.isfinite(piece.measured[:, 0]), 0] for piece in pieces]
-        angle = np.concatenate(angles)
+        travel = max(float(np.ptp(one)) for one in angles)
+        about = np.concatenate([one - np.mean(one) for one in angles])  # moved between them is not driven
         # Third differences leave of a smooth motion what its readings scatter by (variance 20 times theirs).
         scatter = float(np.std(np.concatenate([np.diff(one, 3) for one in angles]))) / np.sqrt(20.0)
-        moves = len(angle) > 0 and np.ptp(angle) > _ROUNDING * np.max(np.abs(angle))
-        if moves and float(np.std(angle)) > max(0.5 * pieces[0].resolution[0], _SCATTER * scatter):
+        moves = travel > _ROUNDING * max(float(np.max(np.abs(one))) for one in angles)
+        if moves and float(np.std(about)) > max(0.5 * pieces[0].resolution[0], _SCATTER * scatter):
             return
         what = "motor angle"
     raise RecordingError(

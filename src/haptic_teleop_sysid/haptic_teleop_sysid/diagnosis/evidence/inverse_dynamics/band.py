@@ -24,6 +24,8 @@ STANDS_OUT = 30.0
 _ABOUT, _PLACES = 3.0, 96
 #: Lowest and highest cut-off: cycles over a stretch that counts, and share of the rate of the readings.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
+#: Readings of an encoder from which it counts as read.
+FEWEST_READINGS = 10
 #: s, length of the stretches whose spectra are averaged.
 SEGMENT = 8.0
 
@@ -33,8 +35,8 @@ def motion_band(records: Sequence[Record]) -> float:
     the motor's velocity lies, over all recordings, up to the `_valley` behind which the readings' scatter
     rises: the velocity of a coarse encoder has most of its power where nothing moves. What stands out behind
     it by more than the encoder's steps is motion, too (`_lines`). Half of the samples lie in stretches of
-    LEAST_CYCLES of it at least: a short one between two holes says nothing of the band."""
-    slowest = min(np.count_nonzero(r.read[:, 0]) / (len(r) * r.dt) for r in records)
+    LEAST_CYCLES of it at least: a short one between two holes says nothing of the band. No higher than
+    `highest_cutoff`."""
     lengths = sorted((len(r) * r.dt for r in records), reverse=True)
     shortest = lengths[int(np.searchsorted(np.cumsum(lengths), 0.5 * sum(lengths)))]
     grid = np.linspace(0.0, 0.5 / max(r.dt for r in records), 4096)
@@ -49,7 +51,24 @@ def motion_band(records: Sequence[Record]) -> float:
     counts |= _lines(grid, spectrum, ~counts, max(r.resolution[0] for r in records))
     total = np.cumsum(spectrum * counts)
     edge = float(grid[np.searchsorted(total, POWER * total[-1])])
-    return float(np.clip(ABOVE * edge, LEAST_CYCLES / shortest, MOST_OF_RATE * slowest))
+    return float(np.clip(ABOVE * edge, LEAST_CYCLES / shortest, highest_cutoff(records)))
+
+
+def highest_cutoff(records: Sequence[Record]) -> float:
+    """MOST_OF_RATE of the `rate_of_readings`, Hz."""
+    return MOST_OF_RATE * rate_of_readings(records)
+
+
+def rate_of_readings(records: Sequence[Record]) -> float:
+    """Readings per second, Hz, over all records, of the encoder that is read least often, of those that are
+    read at all; no more than the slowest record has samples. A log may be written faster than an encoder is
+    read."""
+    rates = [1.0 / max(r.dt for r in records)]
+    for channel in (0, 1):
+        read = [r for r in records if r.readings[channel] >= FEWEST_READINGS]
+        if any(r.readings[channel] < len(r) for r in read):
+            rates.append(sum(r.readings[channel] for r in read) / sum(len(r) * r.dt for r in read))
+    return float(min(rates))
 
 
 def _valley(frequency: FloatArray, power: FloatArray, lowest: float) -> int:

@@ -50,8 +50,8 @@ class Sized(Hypothesis):
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """By how much (N·m) an effect's torque changes with the logarithm of its size, by two of them that are so
-    many ``steps`` apart."""
+    """By how much (N·m) an effect's torque changes with the logarithm of its size: from two sizes that are
+    ``steps`` of the grid apart."""
 
     below: Hypothesis
     above: Hypothesis
@@ -75,7 +75,7 @@ class Slope:
 def slope_of(one: Sized) -> Slope:
     """The slope of an effect at its size."""
     number = _number_of(dict(one.shape)[one.sizes[0]])
-    near = [n for n in range(number - _NEAR, number + _NEAR + 1) if _may_be(one, n)]
+    near = [n for n in range(number - _NEAR, number + _NEAR + 1) if _in_range(one, n)]
     return Slope(_at(one, near[0]), _at(one, near[-1]), near[-1] - near[0])
 
 
@@ -121,7 +121,7 @@ class ExactSizes:
         key = one.entry, number
         if key not in self._known:
             found = _at(one, number)
-            self._known[key] = found, _may_be(one, number) and self._admitted(found)
+            self._known[key] = found, _in_range(one, number) and self._admitted(found)
         return self._known[key]
 
 
@@ -129,7 +129,7 @@ def _number_of(size: float) -> int:
     return round(math.log(size) / math.log(_RATIO))
 
 
-def _may_be(one: Hypothesis, number: int) -> bool:
+def _in_range(one: Hypothesis, number: int) -> bool:
     """Whether the size lies within the range of its parameter."""
     return one.entry.parameter(one.sizes[0]).within(_RATIO**number) == _RATIO**number
 

@@ -33,6 +33,8 @@ FloatArray = NDArray[np.float64]
 FIRST, MOST, RATIO = 4.0, 0.25, 1.2
 #: Log-likelihood (of equations whose errors are white in the band) from which a shift is worth a start.
 WORTH_A_START = 10.0
+#: Rows below which a stretch says nothing: a few times as many as an equation has columns.
+_FEWEST_ROWS = 40
 #: Speed, as a share of the largest, within which the sign of a velocity is smoothed.
 _SMOOTH = 0.05
 
@@ -77,7 +79,8 @@ def _best(model: Model, motions: Sequence[BandedMotion], place: str) -> float:
 
 
 def _nats(model: Model, motion: BandedMotion, place: str, delay: float) -> float:
-    """Log-likelihood of the equations of a motion whose channel at ``place`` is late by ``delay``, s."""
+    """Log-likelihood of the equations of a motion whose channel at ``place`` is late by ``delay``, s; 0 for a
+    stretch that says nothing, whatever the delay."""
     n, spare = len(motion.time), round((MOST + 1.0 / motion.cutoff) / motion.dt)
     # Nothing is faster than the band: more samples of it say the same again.
     step = max(round(1.0 / (KEPT_PER_PERIOD * motion.cutoff * motion.dt)), 1)
@@ -94,6 +97,8 @@ def _nats(model: Model, motion: BandedMotion, place: str, delay: float) -> float
         return [q, v, a, np.tanh(v / smooth), np.ones(len(v))]
 
     drive = shown(motion.input, "actuator")
+    if len(drive) < _FEWEST_ROWS:
+        return 0.0
     angle, *motor = moved(0, "motor_encoder")
     if model.rigid:
         parts = [(drive, [*motor, angle, np.sin(angle), np.cos(angle)])]
