@@ -346,6 +346,24 @@ def test_an_input_that_only_changes_from_piece_to_piece_drives(data):
         refuse_motionless([pieces[0], pieces[0]], "stage1")
 
 
+def test_levels_that_change_at_holes_alone_are_used(data):
+    one = data[0]
+    valid = np.ones(len(one), dtype=np.bool_)
+    half = len(one) // 2
+    valid[half - 20 : half + 20] = False
+    level = np.where(np.arange(len(one)) < half, 0.1, -0.1)
+    steps = replace(one, input=level, commanded_input=level, valid=valid)
+    assert len(records_of([steps])) == 2
+
+
+def test_a_motor_that_nobody_read_does_not_move(data):
+    record = record_from(data[0], commanded=True)
+    unread = replace(record, measured=np.full_like(record.measured, np.nan))
+    with pytest.raises(RecordingError, match="the motor angle of stage1 does not change"):
+        refuse_motionless([unread], "stage1")
+    refuse_motionless([unread, record], "stage1")
+
+
 def test_a_joint_that_is_moved_between_pieces_alone_is_not_driven(data):
     record = record_from(data[0], commanded=True)
     still = [replace(record, measured=np.full_like(record.measured, angle)) for angle in (0.0, 1.0)]

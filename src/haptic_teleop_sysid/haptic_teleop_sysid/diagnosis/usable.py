@@ -52,7 +52,8 @@ def records_of(data: list[DataSet]) -> list[Record]:
         used = [piece for piece in pieces if len(piece) >= SHORTEST_STRETCH]
         refuse_motionless(used, dataset.joint)
         driven = [piece for piece in used if np.ptp(piece.input) > 0.0]
-        refuse_unrelated(max(driven, key=len), dataset.joint)
+        if driven:  # an input may change from piece to piece alone
+            refuse_unrelated(max(driven, key=len), dataset.joint)
         records += used
     together = sum(map(len, records))
     if records and together < FEWEST_SAMPLES:

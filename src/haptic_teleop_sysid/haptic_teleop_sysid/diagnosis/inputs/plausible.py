@@ -178,7 +178,8 @@ def refuse_motionless(pieces: Sequence[Record], joint: str) -> None:
     if not float(np.nanstd(driven)) > 1e-9 * max(float(np.nanmax(np.abs(driven))), 1e-300):
         what = "input"
     else:
-        angles = [piece.measured[np.isfinite(piece.measured[:, 0]), 0] for piece in pieces]
+        read = [piece.measured[np.isfinite(piece.measured[:, 0]), 0] for piece in pieces]
+        angles = [one for one in read if len(one)] or [np.zeros(4)]
         travel = max(float(np.ptp(one)) for one in angles)
         about = np.concatenate([one - np.mean(one) for one in angles])  # moved between them is not driven
         # Third differences leave of a smooth motion what its readings scatter by (variance 20 times theirs).
