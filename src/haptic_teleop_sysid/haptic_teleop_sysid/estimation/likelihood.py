@@ -21,7 +21,7 @@ SETTLING = 0.2
 #: Innovations (rad) whose squares are beyond all meaning, and soon beyond the range of numbers.
 _RUNS_AWAY = 1e100
 #: Readings below which an encoder counts as not recorded: fewer have no variance to speak of.
-_FEWEST = 10
+FEWEST_READINGS = 10
 #: What linear algebra and arithmetic raise where numbers are beyond them.  It ends the model that was tried,
 #: not the program.
 FAILURES = (np.linalg.LinAlgError, ValueError, ArithmeticError)
@@ -66,7 +66,7 @@ def settling(record: Record) -> int:
 
 def channels(packed: Packed, record: Record) -> list[int]:
     """Encoders that take part: the motor's, and the arm's where there is one."""
-    if packed.rigid or record.readings[1] < _FEWEST:
+    if packed.rigid or record.readings[1] < FEWEST_READINGS:
         return [0]
     return [0, 1]
 
@@ -100,7 +100,7 @@ def covariance(packed: Packed, record: Record, innovation: FloatArray) -> FloatA
         return np.array([[motor]])
     both = there.all(axis=1)
     count, pairs = np.count_nonzero(both), e[both]
-    if count < _FEWEST:  # read in turn
+    if count < FEWEST_READINGS:  # read in turn
         return np.diag([motor, float(e[:, 1] @ e[:, 1]) / max(np.count_nonzero(there[:, 1]), 1)])
     own, mixed, arm = (float(pairs[:, i] @ pairs[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
     slope = mixed / own if own > 0.0 else 0.0

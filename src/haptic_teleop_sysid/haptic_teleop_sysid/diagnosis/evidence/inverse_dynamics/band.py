@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from haptic_teleop_sysid.estimation.likelihood import FEWEST_READINGS
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...inputs.scales import bridged
@@ -24,8 +25,6 @@ STANDS_OUT = 30.0
 _ABOUT, _PLACES = 3.0, 96
 #: Lowest and highest cut-off: cycles over a stretch that counts, and share of the rate of the readings.
 LEAST_CYCLES, MOST_OF_RATE = 5.0, 0.1
-#: Readings of an encoder from which it counts as read.
-FEWEST_READINGS = 10
 #: s, length of the stretches whose spectra are averaged.
 SEGMENT = 8.0
 
