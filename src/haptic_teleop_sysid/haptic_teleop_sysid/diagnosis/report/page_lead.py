@@ -31,11 +31,11 @@ def lead(
     """Conclusion, key figures and checks of the page; ``still``: by part, signals that hardly move."""
     status, happened = _headline(verdict, content)
     worse = content["worse_than_given"]
-    if worse is not None:
-        if found_is_better(content):  # what it is about is the structure without what was found
-            status, happened = "fair", f"{happened} {worse['sentence']}."
-        else:
-            status, happened = "bad", f"{worse['sentence']}. {happened}"
+    note = None
+    if worse is not None and found_is_better(content):  # it is about the structure without what was found
+        status, note = "fair", f"{worse['sentence']}."
+    elif worse is not None:
+        status, happened = "bad", f"{worse['sentence']}. {happened}"
     todo = _todo(verdict, content)
     if (backwards := content.get("input_sign")) is not None:
         status, todo = "bad", f"{backwards['remedy']}."
@@ -47,6 +47,8 @@ def lead(
     for f in verdict.findings:
         page.key_figure(f"{100 * f['confidence']:.0f} %", f"{f['effect']} at {f['location']}", "confidence")
     _gained(page, content, still or {})
+    if note is not None:
+        page.verdict("fair", note)
     explained = explains_sentence(content)
     if explained:
         page.verdict("fair", explained)
