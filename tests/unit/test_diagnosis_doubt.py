@@ -108,6 +108,20 @@ def test_what_coarse_encoders_colour_is_not_held_against_a_name(monkeypatch, rec
         assert bool(kept.choices) == stands
 
 
+@pytest.mark.parametrize("speaks", [True, False])
+def test_steps_of_an_encoder_stand_for_what_only_likelihoods_speak_for(monkeypatch, records, speaks):
+    """A rig with two rotors: its gravity gains on simulated recordings without it, too, because they wander,
+    but free runs err by a third with it."""
+    for module in (doubt_module, objections):
+        monkeypatch.setattr(module, "colour", lambda *_: 600.0)
+    monkeypatch.setattr(coloured, "expected_colour", lambda *_: 400.0)
+    monkeypatch.setattr(coloured, "in_steps", lambda *_: 0.35)
+    monkeypatch.setattr(doubt_module, "rounding_shows", lambda *_: True)
+    kept, doubt, _ = doubted(found(DRAG, records[0]), *records, unimpressed, lambda *_: speaks)
+    assert bool(kept.choices) == speaks
+    assert speaks or "with encoders this coarse" in doubt.why
+
+
 def test_a_wrong_name_is_given_up(records):
     # What grows with the square of speed passes for dry friction, of a size that depends on the amplitude.
     wrong = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})

@@ -126,6 +126,40 @@ def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
     assert [(w["equation"], w["condition"]) for w in verdict.where] == [("j_motor", "motor angle")]
 
 
+def test_where_nothing_of_the_stand_in_stands_what_explains_most_torque_is_asked(notched):
+    """An actuator whose stand-in was a Stribeck friction: its Coulomb friction was not told."""
+    opinion, learn = notched
+    instead = stand_in_of(learn, VALLEY)
+    doubt = Doubt(Choice(Explanation(instead.fit, 50.0, 20.0, True, 0), 1.0), "too little", short=True)
+    unknown = Verdict("unknown", [{"equation": "j_motor", "condition": "time"}], [], [], [])
+    parts = found_in_part(instead, RIGID, opinion)
+    assert most_or_seen(parts, SEEN) == []
+    result = result_of(instead.fit)
+    verdict = with_names(unknown, result, doubt, instead, opinion, learn, lambda model: {}, SEEN)
+    (finding,) = verdict.findings
+    assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
+    assert verdict.where == unknown.where
+
+
+@pytest.mark.parametrize(("load", "stands"), [(1.5, True), (0.2, False)])
+def test_a_constant_torque_stands_beside_something_where_it_is_most_of_what_is_missing(load, stands):
+    """A linear drive under a load: a torque without a form holds a constant, and none was ever told."""
+    kinds = [
+        [replace(r, input=r.input + load) for r in [pendulum(seed, detent=0.8)]] for seed in (0, 1)
+    ]
+    opinion = Opinion(None, (), witness(RIGID, *kinds, recording_scales(RIGID, kinds[0])))
+    fit = stand_in_of(kinds[0], VALLEY).fit
+    unknown = Verdict("unknown", [], [], [], [])
+    verdict = with_names(
+        unknown, result_of(fit), None, None, opinion, kinds[0], lambda model: {}, Turning()
+    )
+    told = [f for f in verdict.findings if f["effect"] == "constant_torque"]
+    assert bool(told) is stands
+    for one in told:
+        assert one["parameters"]["torque"]["value"] == pytest.approx(-load, rel=0.1)
+        assert one["confidence"] <= NOT_SURE
+
+
 @pytest.mark.parametrize("more", [-0.007, 0.4])
 def test_the_place_of_the_rest_is_that_of_a_torque_which_predicts_something(more):
     where = [{"equation": "j_arm", "share": 0.8, "condition": "time", "intervals": []}]

@@ -42,15 +42,16 @@ def with_names(
     turning: Turning,
 ) -> Verdict:
     """The `unknown` verdict with the names that stand beside it: those of the stand-in where all that speaks
-    against them is that they explain too little, else those of `leading`; ``result``: with its baseline,
-    ``records``: of the estimation, ``spread``: by how much sizes of a model's effects differ (see
-    `verdict.finding`), ``turning``: what shows where the motion turns."""
+    against them is that they explain too little, else, or where none of them stands, those of `leading`;
+    ``result``: with its baseline, ``records``: of the estimation, ``spread``: by how much sizes of a model's
+    effects differ (see `verdict.finding`), ``turning``: what shows where the motion turns."""
     if opinion is None:
         return verdict
     if instead is not None and doubt is not None and doubt.short:
         parts = most_or_seen(found_in_part(instead, result.baseline.model, opinion), turning)
-        verdict = with_found(verdict, parts, instead.fit, len(instead.effects), spread(instead.fit.model))
-        return where_the_rest_is(verdict, parts)
+        if parts:
+            verdict = with_found(verdict, parts, instead.fit, len(instead.effects), spread(instead.fit.model))
+            return where_the_rest_is(verdict, parts)
     named: list[tuple[Group, InPart]] = []
     for group in leading(opinion.witness):
         named += [(group, one) for one in most_or_seen(found_one_by_one(group, opinion), turning)]

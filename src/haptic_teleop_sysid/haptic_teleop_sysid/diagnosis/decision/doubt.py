@@ -86,7 +86,7 @@ def doubted(
 
     both = [(result.baseline, estimation), (there, validation)]
     rounded = min(before) > COLOURED and by_steps(before, both)
-    rounding = _Rounding(result.baseline, estimation)
+    rounding = _Rounding(result.baseline, estimation, corroborated)
     objections = Objections(result.baseline, there, before, estimation, validation, percent, corroborated)
     while True:
         while rounded and (steps := rounding.first(kept)) is not None:
@@ -117,10 +117,11 @@ def doubted(
 
 
 class _Rounding:
-    """Which findings stand for the steps of coarse encoders; every one is asked once."""
+    """Which findings stand for the steps of coarse encoders: only likelihoods speak for them, and that on
+    simulated recordings without them, too. Every one is asked once."""
 
-    def __init__(self, baseline: Fit, records: Sequence[Record]) -> None:
-        self._baseline, self._records = baseline, records
+    def __init__(self, baseline: Fit, records: Sequence[Record], corroborated: Corroborated) -> None:
+        self._baseline, self._records, self._corroborated = baseline, records, corroborated
         self._known: list[tuple[Explanation, Fit, bool]] = []
 
     def first(self, choices: list[Choice]) -> Choice | None:
@@ -136,7 +137,8 @@ class _Rounding:
         for one, beside, known in self._known:
             if one is found and beside is before:
                 return known
-        shows = rounding_shows(found, before, self._records)
+        borne_out = self._corroborated(found.fit, before, found.effect)
+        shows = not borne_out and rounding_shows(found, before, self._records)
         self._known.append((found, before, shows))
         return shows
 

@@ -45,7 +45,7 @@ class InPart:
     of which it is one; ``apart``: the sizes found elsewhere, and ``words`` for that; ``adequacy``: share that
     it explains of what any torque in its own quantities does; ``share``: of all that is missing; ``rest``:
     the torque without a form beside which it was judged, which explains ``more`` of all that is missing; None
-    where each such torque could be the name's, too."""
+    where each such torque could be the name's, too, as every one holds a constant."""
 
     effect: Effect
     std: dict[str, float]
@@ -70,8 +70,8 @@ class InPart:
             rest = "what that other torque is has no name"
         return (
             f"{beside}it explains {100 * self.share:.0f} % of the torque that is missing on recordings that "
-            f"were not fitted, and {100 * self.adequacy:.0f} % of what any torque in its own quantities "
-            f"does; {rest}" + (f"; {self.words} {others}" if others else "")
+            f"were not fitted, and {100 * self.adequacy:.0f} % of what any torque without a form that could "
+            f"be it does; {rest}" + (f"; {self.words} {others}" if others else "")
         )
 
 
@@ -107,17 +107,18 @@ def _those_that_stand(
 
 
 def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: str) -> InPart | None:
-    alike = search.alike(own)
+    alike, everywhere = search.alike(own), search.same_everywhere(own)
     others = [q for q in search.latents if q not in alike and "time" not in q.quantities]
-    if not alike:
+    if not alike and not everywhere:
         return None
-    # On a motion as plain as one sine each of them could be this torque: then the name is judged by itself.
-    rest = min(others, key=lambda q: search.left_over((own, q)), default=None)
+    # On a motion as plain as one sine each of them could be this torque, and each holds a constant: then the
+    # name is judged by itself.
+    rest = None if everywhere else min(others, key=lambda q: search.left_over((own, q)), default=None)
     beside = () if rest is None else (rest,)
     both = (own, *beside)
     if search.likelier(both) < search.likelier(beside) + CLEARLY:
         return None
-    adequacy = search.adequacy_beside(own, beside)
+    adequacy = _of_all_torques(own, others, search) if everywhere else search.adequacy_beside(own, beside)
     # Along one quantity a curve that explains clearly more has another form, unless the effect does nearly
     # all that it does: in a long recording the least difference is clear.
     curves = [(q, *beside) for q in alike if len(q.quantities) == 1]
@@ -137,6 +138,12 @@ def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: 
     )
     named = replace(effect, parameters={**effect.parameters, **mean})
     return InPart(named, std, index, apart, words, adequacy, share, rest, more)
+
+
+def _of_all_torques(own: Hypothesis, others: Sequence[Latent], search: Search) -> float:
+    """Share of what any torque without a form explains at its place that a constant does."""
+    most = max(search.explained((q,)) for q in others if q.place == own.place)
+    return min(max(search.explained((own,)), 0.0) / most, 1.0) if most > 0.0 else 1.0
 
 
 def _sizes(

@@ -161,7 +161,7 @@ class Search:
         """Torques without a form, at the same place, that can take on the shape of an effect; none over time,
         which takes on any shape on a recording that is short, and none of an effect that is the same
         everywhere: any of them holds a constant, and what else it explains follows its quantity."""
-        if self._same_everywhere(hypothesis):
+        if self.same_everywhere(hypothesis):
             return []
         return [
             latent
@@ -171,7 +171,7 @@ class Search:
             and self.sides[0].unlike(hypothesis, latent) < SHAPED
         ]
 
-    def _same_everywhere(self, hypothesis: Hypothesis) -> bool:
+    def same_everywhere(self, hypothesis: Hypothesis) -> bool:
         """Whether the effect's torque follows nothing: it has one size along all of the motion."""
         torque = self.sides[0].side.torque(hypothesis)
         return bool(np.all(np.ptp(torque, axis=0) <= STEADY * np.max(np.abs(torque), axis=0)))
