@@ -180,6 +180,22 @@ def test_what_is_left_of_a_lag_is_no_wrong_stamp_beside_it():
     assert choose([apart], 11000.0, False) is not None
 
 
+def test_what_predicts_the_same_as_a_leftover_is_one_too():
+    """A beam with a propeller that never stops: a constant torque beside its gravity was a leftover of the
+    thrust's curve, and a dead zone that is the same there had no share to reach, at 77 %."""
+    gravity = Effect("gravity", "stage1_motor", {"torque": 1.0, "phase": 1.6})
+    constant = Effect("constant_torque", "stage1_motor", {"torque": -0.3})
+    zone = Effect("dead_zone", "stage1_actuator", {"width": 0.3})
+    left, same = (
+        Explanation(fit_of(MODEL.with_effects(gravity, one)), 24.0, 3.0, True, 1) for one in (constant, zone)
+    )
+    assert choose([left], 480.0, False, apart=lambda *_: 0.1) is None
+    assert choose([left, same], 480.0, False, apart=lambda *_: 0.1) is None
+    assert choose([left, same], 480.0, False, apart=lambda *_: 30.0).chosen is same
+    clearer = replace(same, gain=40.0)
+    assert choose([left, clearer], 480.0, False, apart=lambda *_: 0.1).chosen is clearer
+
+
 def test_a_current_that_follows_its_command_speaks_against_a_wrong_stamp():
     tie = [
         explanation("channel_skew", 300.0, 200.0, "actuator", delay=0.01),

@@ -86,6 +86,32 @@ def test_physics_without_a_name_gets_none():
     assert nearly_all_torque(said, lambda m: ALIKE, [ALIKE]) is None
 
 
+def test_a_shape_of_what_is_left_is_no_matter_where_free_runs_hardly_err(heavy_and_rubbing):
+    """A ball screw: its friction explained 97 % of the torque, free runs erred by 3 %, and a curve beside it
+    by less: it was `unknown`."""
+    said = asked(weight=4.0, swirl=0.2)[0]
+    best = said.levels[0][0]
+    assert best.explained > 0.9 and said.beside(best)[1] > 0.5
+
+    def found(error):
+        return nearly_all_torque(said, lambda m: (error, error) if m.effects else ALIKE, [ALIKE])
+
+    assert found(0.06) is None
+    assert names(found(0.02)) == {"gravity"}
+    # Names that leave no shape come first.
+    both = nearly_all_torque(heavy_and_rubbing[0], lambda m: (0.02, 0.02) if m.effects else ALIKE, [ALIKE])
+    assert names(both) == {"gravity", "coulomb_friction"}
+
+
+@pytest.mark.parametrize(("recoverable", "told"), [(1.0, False), (0.95, True)])
+def test_nearly_all_is_of_what_any_torque_explains(heavy_and_rubbing, monkeypatch, recoverable, told):
+    """A balancing robot: gravity and a delay explain 89.9 % of the torque, and nothing explains more."""
+    said = replace(heavy_and_rubbing[0], recoverable=recoverable)
+    monkeypatch.setattr(said.folds, "explained", lambda terms: 0.88 if len(terms) > 1 else 0.5)
+    opinion = nearly_all_torque(said, lambda m: ALIKE, [ALIKE])
+    assert (opinion is not None) is told
+
+
 def law(place=None, name="quadratic_drag"):
     """What speaks against a name, for a place or for none."""
     effect = Effect(name, "j_motor", {"coefficient": 0.1})

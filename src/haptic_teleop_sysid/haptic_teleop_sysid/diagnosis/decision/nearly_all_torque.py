@@ -2,7 +2,8 @@
 
 No law is quite a machine's, and in a long recording the least difference is clear to a likelihood. Where the
 inverse dynamics explain nearly all with few names, on stretches that were not fitted, and no torque without a
-form explains most of the little that they leave, the names are the answer, and nobody is sure of them.
+form explains most of the little that they leave, the names are the answer, and nobody is sure of them. Nor
+does a shape of what they leave count where free runs with them hardly err, if no names leave none.
 """
 
 from __future__ import annotations
@@ -13,35 +14,39 @@ from collections.abc import Sequence
 
 from ..evidence.inverse_dynamics.witness import Group, Witness
 from ..evidence.second_opinion import APART, NEGLIGIBLE, NO_WORSE, Errors, Heard, Opinion
-from ..policy import LEAST_EXPLAINED, NEARLY_ALL_TORQUE, STRUCTURED
+from ..policy import LEAST_EXPLAINED, NEARLY_ALL, NEARLY_ALL_TORQUE, STRUCTURED
+from .adequacy import SLIGHT_ERROR
 
 
 def nearly_all_torque(
     witness: Witness, errors: Errors, before: Sequence[tuple[float, float]]
 ) -> Opinion | None:
     """The opinion that chooses, of the groups that gain most for their number of effects, the one with the
-    fewest of which holds: together they explain NEARLY_ALL_TORQUE of what is missing, each of them
-    LEAST_EXPLAINED of what the others leave; beside them no torque without a form explains STRUCTURED of the
-    rest; and their free runs (``errors``) err no more than any of those ``before`` on either kind of
-    recordings, and less than the mean. None where there is none. Its rivals are the groups of as many effects
-    of which all that holds, too."""
+    fewest of which holds: together they explain NEARLY_ALL_TORQUE of what any torque does, and NEARLY_ALL of
+    what is missing, each of them LEAST_EXPLAINED of what the others leave; beside them no torque without a
+    form explains STRUCTURED of the rest, or, where that holds of no group, their free runs (``errors``) err
+    by no more than SLIGHT_ERROR; and these err no more than any of those ``before`` on either kind of
+    recordings, and less than the mean. None where there is none. Its rivals are the groups of as many
+    effects of which all that holds, too."""
     least = [min(kind) for kind in zip(*before, strict=True)]
 
-    def stands(group: Group) -> Heard | None:
+    def stands(group: Group, slight: bool) -> Heard | None:
         if group.gain <= 0.0 or not _explain(witness, group):
             return None
         found = errors(group.model)
         if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, least, strict=True)):
             return None
+        if _has_shape(witness, group) and not (slight and max(found) <= SLIGHT_ERROR):
+            return None
         return Heard(group, group.gain, found)
 
-    for level in witness.levels:
+    for slight, level in itertools.product((False, True), witness.levels):
         best, *others = sorted(level, key=lambda group: -group.gain)
-        chosen = stands(best)
+        chosen = stands(best, slight)
         if chosen is None:
             continue
         near = [g for g in others if g.gain > best.gain - NEGLIGIBLE * APART]
-        heard = [chosen, *filter(None, map(stands, near))]
+        heard = [chosen, *(h for g in near if (h := stands(g, slight)) is not None)]
         weights = [math.exp((h.gain - best.gain) / APART) for h in heard]
         shares = (w / sum(weights) for w in weights)
         return Opinion(chosen, tuple(zip(heard, shares, strict=True)), witness)
@@ -49,13 +54,16 @@ def nearly_all_torque(
 
 
 def _explain(witness: Witness, group: Group) -> bool:
-    """Whether a group explains nearly all, each of its effects is needed, and the rest has no shape."""
+    """Whether a group explains nearly all, and each of its effects is needed."""
     left = 1.0 - witness.folds.explained(group.hypotheses)
-    if left > 1.0 - NEARLY_ALL_TORQUE:
+    if left > 1.0 - max(NEARLY_ALL_TORQUE * witness.recoverable, NEARLY_ALL):
         return False
     all_but_one = itertools.combinations(group.hypotheses, len(group.hypotheses) - 1)
     without = (1.0 - witness.folds.explained(others) for others in all_but_one)
-    if any(left > (1.0 - LEAST_EXPLAINED) * more for more in without):
-        return False
+    return all(left <= (1.0 - LEAST_EXPLAINED) * more for more in without)
+
+
+def _has_shape(witness: Witness, group: Group) -> bool:
+    """Whether a torque without a form explains most of what a group leaves."""
     rest = witness.beside(group)
-    return rest is None or rest[1] < STRUCTURED
+    return rest is not None and rest[1] >= STRUCTURED
