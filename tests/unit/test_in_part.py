@@ -8,17 +8,23 @@ import pytest
 from stepped_machines import DT, RIGID, pendulum, record, swing
 
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision import in_part
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
 from haptic_teleop_sysid.diagnosis.decision.at_reversals import AtReversals, Turning
 from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, most_or_seen, with_names
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.in_part import found_in_part, found_one_by_one, where_the_rest_is
+from haptic_teleop_sysid.diagnosis.decision.in_part import (
+    found_in_part,
+    found_one_by_one,
+    where_the_rest_is,
+    with_found,
+)
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.evidence.reversals import Jump
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Opinion
+from haptic_teleop_sysid.diagnosis.evidence.second_opinion import APART, Opinion
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.columns import column
@@ -213,6 +219,35 @@ def test_what_stands_must_be_most_of_what_is_missing_or_friction_that_nothing_co
     assert most_or_seen([less, form, replace(found, share=0.9), most], smooth) == [most]
     elsewhere = Turning(smooth=frozenset({("coulomb_friction", "j_arm")}))
     assert most_or_seen([less], elsewhere) == [less]
+
+
+def test_what_the_torques_do_not_tell_from_a_name_beside_unknown_is_told_with_it(notched):
+    """A wheel that turns one way: its friction is a constant torque, too."""
+    opinion, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
+    constant = Effect("constant_torque", "j_motor", {"torque": -0.4})
+    form = Effect("presliding_friction", "j_motor", {"torque": 0.4, "stiffness": 9.0})
+    delay = Effect("input_delay", "j_actuator", {"delay": 0.01})
+    drag = Effect("quadratic_drag", "j_motor", {"coefficient": 0.1})
+    best = group(40.0, FRICTION, VALLEY)
+    level = (
+        best,
+        group(39.0, constant, VALLEY),
+        group(39.9, form, VALLEY),  # contains it
+        group(39.5, constant, delay),  # another group altogether
+        group(20.0, drag, VALLEY),  # clearly worse
+    )
+    witness = SimpleNamespace(levels=((group(39.9, delay),), level))
+    one = in_part._with_rivals(found, best, witness)
+    ((other, share),) = one.others
+    assert other == constant and one.known + share / one.adequacy == pytest.approx(1.0)
+    assert one.known == pytest.approx(1.0 / (1.0 + np.exp(-1.0 / APART)))
+    fit = stand_in_of(learn, FRICTION).fit
+    verdict = with_found(Verdict("unknown", [], [], [], []), [replace(one, index=0)], fit, 1, {})
+    (told,) = verdict.findings
+    assert told["effect"] == "coulomb_friction"
+    assert [a["effect"] for a in told["alternatives"]] == ["constant_torque"]
+    assert told["confidence"] == pytest.approx(one.adequacy * one.known, abs=0.01)
 
 
 def test_the_best_group_of_each_size_is_asked_if_it_gains_anything():

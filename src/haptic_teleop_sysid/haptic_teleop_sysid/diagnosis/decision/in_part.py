@@ -20,8 +20,8 @@ from haptic_teleop_sysid.estimation.gauss_newton import Fit
 from ..evidence.inverse_dynamics.groups import CLEARLY, Search
 from ..evidence.inverse_dynamics.latent import Latent
 from ..evidence.inverse_dynamics.terms import Hypothesis
-from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import Opinion
+from ..evidence.inverse_dynamics.witness import Group, Witness
+from ..evidence.second_opinion import APART, NEGLIGIBLE, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.follows import follows_from_motion
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL
@@ -34,6 +34,8 @@ from .verdict import Verdict
 
 #: Relative difference between the sizes of torques and of free runs that is told.
 _TOLD = 0.1
+#: Share from which another name is told beside one.
+LEAST_TOLD = 0.02
 #: Where a size comes from that is another one.
 FREELY, ALONE = "free runs with the names alone want", "fitted without that torque it would be"
 
@@ -45,7 +47,8 @@ class InPart:
     of which it is one; ``apart``: the sizes found elsewhere, and ``words`` for that; ``adequacy``: share that
     it explains of what any torque in its own quantities does; ``share``: of all that is missing; ``rest``:
     the torque without a form beside which it was judged, which explains ``more`` of all that is missing; None
-    where each such torque could be the name's, too, as every one holds a constant."""
+    where each such torque could be the name's, too, as every one holds a constant; ``others``: what the
+    torques do not tell it from, with their shares; ``known``: its own share."""
 
     effect: Effect
     std: dict[str, float]
@@ -56,6 +59,8 @@ class InPart:
     share: float
     rest: Latent | None
     more: float
+    others: tuple[tuple[Effect, float], ...] = ()
+    known: float = 1.0
 
     def told(self) -> str:
         """What speaks for it, in words."""
@@ -89,9 +94,39 @@ def found_in_part(instead: StandIn, model: Model, opinion: Opinion) -> list[InPa
 
 
 def found_one_by_one(group: Group, opinion: Opinion) -> list[InPart]:
-    """The same of the names of a group of the inverse dynamics, which were not run freely."""
-    own = dict(zip(((e.effect, e.location) for e in group.effects), group.hypotheses, strict=True))
-    return _those_that_stand(group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE)
+    """The same of the names of a group of the inverse dynamics, which were not run freely; and what else each
+    may be, where that gains nearly as much in its place."""
+    own = dict(zip(_names(group), group.hypotheses, strict=True))
+    found = _those_that_stand(
+        group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE
+    )
+    return [_with_rivals(one, group, opinion.witness) for one in found]
+
+
+def _with_rivals(one: InPart, group: Group, witness: Witness) -> InPart:
+    """A name of a group with what it is not told from: an effect in its place, by which the torques gain less
+    by no more than NEGLIGIBLE times APART. A richer form of it is none, because it contains it."""
+    name = one.effect.effect, one.effect.location
+    rest = set(_names(group)) - {name}
+    near: list[tuple[Effect, float]] = []
+    for level in witness.levels:
+        for other in level:
+            behind = (group.gain - other.gain) / APART
+            left = set(_names(other)) - rest
+            if len(other.effects) != len(group.effects) or len(left) != 1 or behind > NEGLIGIBLE:
+                continue
+            instead = next(e for e in other.effects if (e.effect, e.location) in left)
+            richer = instead.entry.refinement is not None and instead.entry.refinement.of == name[0]
+            if (instead.effect, instead.location) != name and not (richer and instead.location == name[1]):
+                near.append((instead, math.exp(-behind)))
+    whole = 1.0 + sum(weight for _, weight in near)
+    shares = sorted(((e, weight / whole) for e, weight in near), key=lambda rival: -rival[1])
+    others = tuple((e, one.adequacy * share) for e, share in shares if share > LEAST_TOLD)
+    return replace(one, others=others, known=1.0 / whole)
+
+
+def _names(group: Group) -> list[tuple[str, str]]:
+    return [(e.effect, e.location) for e in group.effects]
 
 
 def _those_that_stand(
@@ -183,8 +218,17 @@ def with_found(
         head = f"{one.effect.location}.{one.effect.effect}."
         std = {head + n: e for n, e in one.std.items()}
         explanation = Explanation(with_it, 0.0, 0.0, True, index, std=std, witnessed=one.told())
-        findings.append(finding(Choice(explanation, one.adequacy), with_it, spread, NOT_SURE))
+        others = tuple((_in_its_place(explanation, e), share) for e, share in one.others)
+        choice = Choice(explanation, one.adequacy * one.known, others)
+        findings.append(finding(choice, with_it, spread, NOT_SURE))
     return replace(verdict, findings=[*verdict.findings, *findings]) if findings else verdict
+
+
+def _in_its_place(explanation: Explanation, other: Effect) -> Explanation:
+    """The explanation with another effect for its own."""
+    model, index = explanation.fit.model, explanation.effect_index
+    effects = (*model.effects[:index], other, *model.effects[index + 1 :])
+    return replace(explanation, fit=replace(explanation.fit, model=replace(model, effects=effects)))
 
 
 def where_the_rest_is(verdict: Verdict, found: Sequence[InPart]) -> Verdict:
