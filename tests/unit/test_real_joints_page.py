@@ -65,3 +65,8 @@ def test_each_wrong_answer_with_70_percent_or_more_stands_on_the_page(rows):
 def test_rows_are_in_order_of_their_dates_newest_first(rows):
     dates = [row["date"] for row in rows]
     assert dates == sorted(dates, reverse=True)
+
+
+def test_no_row_has_more_fields_than_the_header(rows):
+    """An answer with commas and without quotes was cut at the first one."""
+    assert [row["number"] for row in rows if None in row or None in row.values()] == []

@@ -84,10 +84,12 @@ def choose(
         for e in found
         if e.material and gains_enough(e.gain, e.elsewhere, alone=not further) and significant(e)
     ]
-    good = [e for e in gaining if e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far]
+    enough = [e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far for e in gaining]
+    good = [e for e, shares in zip(gaining, enough, strict=True) if shares]
     if apart is not None:
         # What predicts the same as a leftover is one, whatever its name.
-        left = [e for e in gaining if e not in good and not e.effect.entry.unnamed]
+        rest = zip(gaining, enough, strict=True)
+        left = [e for e, shares in rest if not shares and not e.effect.entry.unnamed]
         good = [e for e in good if e.by_current > 0.0 or not any(alike(one, e, apart) for one in left)]
     # One effect by the motion alone and by the currents as well is one explanation, not two.
     best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.score)}
