@@ -108,8 +108,8 @@ def test_what_coarse_encoders_colour_is_not_held_against_a_name(monkeypatch, rec
         assert bool(kept.choices) == stands
 
 
-@pytest.mark.parametrize("speaks", [True, False])
-def test_steps_of_an_encoder_stand_for_what_only_likelihoods_speak_for(monkeypatch, records, speaks):
+@pytest.mark.parametrize(("percent", "stands"), [(30.0, True), (15.0, False)])
+def test_steps_of_an_encoder_do_not_make_free_runs_better(monkeypatch, records, percent, stands):
     """A rig with two rotors: its gravity gains on simulated recordings without it, too, because they wander,
     but free runs err by a third with it."""
     for module in (doubt_module, objections):
@@ -117,9 +117,10 @@ def test_steps_of_an_encoder_stand_for_what_only_likelihoods_speak_for(monkeypat
     monkeypatch.setattr(coloured, "expected_colour", lambda *_: 400.0)
     monkeypatch.setattr(coloured, "in_steps", lambda *_: 0.35)
     monkeypatch.setattr(doubt_module, "rounding_shows", lambda *_: True)
-    kept, doubt, _ = doubted(found(DRAG, records[0]), *records, unimpressed, lambda *_: speaks)
-    assert bool(kept.choices) == speaks
-    assert speaks or "with encoders this coarse" in doubt.why
+    simulated = lambda model: (percent,) if model.effects else (10.0,)  # noqa: E731
+    kept, doubt, _ = doubted(found(DRAG, records[0]), *records, simulated, lambda *_: False)
+    assert bool(kept.choices) == stands
+    assert stands or "with encoders this coarse" in doubt.why
 
 
 def test_a_wrong_name_is_given_up(records):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from identification_plants import STAGE
-from test_diagnosis_doubt import DRAG, unimpressed
+from test_diagnosis_doubt import DRAG, borne_out, unimpressed
 from test_diagnosis_parts import fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
@@ -47,7 +47,7 @@ def believing(monkeypatch):
     def ask(*choices):
         fit = choices[-1].chosen.fit
         result = SearchResult(fit_of(), fit, choices, (), None)
-        kept, doubt, _ = doubted(result, [], [], unimpressed, lambda *_: False)
+        kept, doubt, _ = doubted(result, [], [], unimpressed, borne_out)
         return [c.chosen for c in kept.choices], doubt
 
     return ask, steps, refuted, asked

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stepped_machines import DT, RIGID, pendulum, record, swing
+from stepped_machines import DT, ELASTIC, RIGID, pendulum, record, swing
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision import in_part
+from haptic_teleop_sysid.diagnosis.decision import beside_unknown, in_part
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
 from haptic_teleop_sysid.diagnosis.decision.at_reversals import AtReversals, Turning
 from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, most_or_seen, with_names
@@ -22,6 +22,7 @@ from haptic_teleop_sysid.diagnosis.decision.in_part import (
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.evidence.reversals import Jump
 from haptic_teleop_sysid.diagnosis.evidence.second_opinion import APART, Opinion
@@ -232,6 +233,7 @@ def test_what_the_torques_do_not_tell_from_a_name_beside_unknown_is_told_with_it
     best = group(40.0, FRICTION, VALLEY)
     level = (
         best,
+        group(38.0, constant, VALLEY),  # again, with another shape
         group(39.0, constant, VALLEY),
         group(39.9, form, VALLEY),  # contains it
         group(39.5, constant, delay),  # another group altogether
@@ -248,6 +250,52 @@ def test_what_the_torques_do_not_tell_from_a_name_beside_unknown_is_told_with_it
     assert told["effect"] == "coulomb_friction"
     assert [a["effect"] for a in told["alternatives"]] == ["constant_torque"]
     assert told["confidence"] == pytest.approx(one.adequacy * one.known, abs=0.01)
+
+
+def test_one_torque_is_not_told_as_two_that_are_each_the_others_alternative(notched, monkeypatch):
+    opinion, learn = notched
+    constant = Effect("constant_torque", "j_motor", {"torque": -0.4})
+    fit = stand_in_of(learn, FRICTION).fit
+    (found,) = found_in_part(stand_in_of(learn, FRICTION), RIGID, opinion)
+    most = replace(found, share=0.8)
+    other = replace(most, effect=constant, share=0.7)
+    by_name = {
+        "coulomb_friction": [replace(most, others=((constant, 0.4),))],
+        "constant_torque": [replace(other, others=((FRICTION, 0.4),))],
+    }
+    asked = [group(40.0, FRICTION), group(41.0, constant)]
+    monkeypatch.setattr(beside_unknown, "leading", lambda witness: asked)
+    monkeypatch.setattr(beside_unknown, "found_one_by_one", lambda g, _: by_name[g.effects[0].effect])
+    monkeypatch.setattr(beside_unknown, "fit_of", lambda *_: fit)
+    unknown = Verdict("unknown", [], [], [], [])
+    verdict = with_names(unknown, result_of(fit), None, None, opinion, learn, lambda m: {}, Turning())
+    (told,) = verdict.findings
+    assert told["effect"] == "coulomb_friction"
+    assert [a["effect"] for a in told["alternatives"]] == ["constant_torque"]
+
+
+def test_friction_of_a_motion_that_never_turns_must_be_most_of_what_is_missing(notched):
+    opinion, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, FRICTION), RIGID, opinion)
+    little = replace(found, share=0.26)
+    assert most_or_seen([little], Turning()) == [little]
+    assert most_or_seen([replace(little, everywhere=True)], Turning()) == []
+
+
+def test_at_an_arm_that_stands_still_no_constant_is_judged():
+    """A jammed arm: nothing without a form exists at its place, and the largest of none was asked for."""
+    made = []
+    for seed in (0, 1):
+        one = pendulum(seed)
+        measured = np.column_stack([one.measured[:, 0], np.zeros(len(one))])
+        made.append([replace(one, input=one.input + 2.0, measured=measured, resolution=(1e-5, 1e-5))])
+    opinion = Opinion(None, (), witness(ELASTIC, *made, recording_scales(ELASTIC, made[0])))
+    constant = Effect("constant_torque", "j_arm", {"torque": -2.0})
+    group = SimpleNamespace(
+        gain=9.0, effects=(constant,), hypotheses=(Hypothesis.resized(constant, "arm"),)
+    )
+    assert not any(q.place == "arm" and "time" not in q.quantities for q in opinion.witness.folds.latents)
+    assert found_one_by_one(group, opinion) == []
 
 
 def test_the_best_group_of_each_size_is_asked_if_it_gains_anything():

@@ -64,8 +64,8 @@ not quite right. By hand on development recordings."""
 
 LEAST_SHARE = 0.02
 """Share of the strongest effect's score that a further one must have. Smaller ones are what a slightly wrong
-form of that leaves behind: lower, more leftovers are named; higher, more true second effects are missed. By
-hand on development recordings."""
+form of that leaves behind, and what the recordings do not tell from such a one falls with it: lower, more
+leftovers are named; higher, more true second effects are missed. By hand on development recordings."""
 
 LEAST_SHARE_ALIKE = 0.15
 """The same for one of the same kind at the same place (between command and torque, and in an encoder: of any
@@ -223,7 +223,7 @@ NEARLY_ALL_TORQUE = 0.9
 """Share of what any torque explains of what is missing (mean square, in the band of the motion, where it was
 not fitted), and NEARLY_ALL of all of that, that names must explain to be the answer although one-step
 predictions or free runs ask for more; no torque without a form may explain STRUCTURED of what they leave,
-unless free runs with the names err by no more than a twentieth of the motion. Lower: physics without a name
+unless the names explain that share of all and free runs with them err by no more than a twentieth. Lower: physics without a name
 gets the nearest one; higher: right names of machines whose law is not quite the name's are `unknown`. By
 hand: of 34 `unknown` answers on real joints five get names so, all expected ones, and two of 18 later ones (a
 balancing robot's gravity and a ball screw's friction); of 238 on the benchmark and on four draws of physics

@@ -10,6 +10,7 @@ or friction, which shows where the motion turns (`at_reversals`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
@@ -61,7 +62,11 @@ def with_names(
         # Of forms of one thing at one place one is enough.
         if (one.effect.effect, one.effect.location) in taken:
             continue
-        taken |= {(name, one.effect.location) for name in family(one.effect.effect)}
+        # Nor is what one may be told again.
+        others = tuple((e, p) for e, p in one.others if (e.effect, e.location) not in taken)
+        may_be = (one.effect, *(e for e, _ in others))
+        taken |= {(name, e.location) for e in may_be for name in family(e.effect)}
+        one = replace(one, others=others)
         fit = fit_of(group, result.baseline, records)
         verdict = with_found(verdict, [one], fit, len(group.effects), spread(fit.model))
     return verdict
@@ -69,9 +74,10 @@ def with_names(
 
 def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
     """Those that explain at least LEAST_EXPLAINED of all that is missing, or are of a kind that jumps where
-    the motion turns: seen there with that size, or not asked, because it turns too seldom. Who should be seen
-    there and is not, falls. Who is seen with another size is told from there (`with_friction`): along the
-    motion it also stands in for what has no name."""
+    the motion turns: seen there with that size, or not asked, because it turns too seldom (of a motion that
+    never turns it is no more than a constant, which must explain that share). Who should be seen there and is
+    not, falls. Who is seen with another size is told from there (`with_friction`): along the motion it also
+    stands in for what has no name."""
     kept = []
     for part in parts:
         effect, location = part.effect.effect, part.effect.location
@@ -79,6 +85,7 @@ def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
         there = turning.size_of(effect, location)
         size = part.effect.values[part.effect.entry.parameters[0].name]
         agrees = there is None or abs(size - there) <= OTHERWISE * max(size, there)
+        jumps = jumps and not part.everywhere
         if ((jumps and agrees) or part.share >= LEAST_EXPLAINED) and not turning.not_seen(effect, location):
             kept.append(part)
     return kept

@@ -20,7 +20,7 @@ from ..evidence.held_out import held_out_fit
 from ..evidence.null_records import heavy_tailed, rounding_shows
 from ..evidence.whiteness import colour, unsteadiness
 from ..hypotheses.explanation import Explanation
-from ..policy import COLOURED, ONLY_HERE, UNSTEADY
+from ..policy import COLOURED, ERRS_LESS, ONLY_HERE, UNSTEADY
 from .coloured import by_steps, more_coloured
 from .corroborated import Corroborated
 from .decide import Choice, significant
@@ -86,7 +86,7 @@ def doubted(
 
     both = [(result.baseline, estimation), (there, validation)]
     rounded = min(before) > COLOURED and by_steps(before, both)
-    rounding = _Rounding(result.baseline, estimation, corroborated)
+    rounding = _Rounding(result.baseline, estimation, percent)
     objections = Objections(result.baseline, there, before, estimation, validation, percent, corroborated)
     while True:
         while rounded and (steps := rounding.first(kept)) is not None:
@@ -117,11 +117,13 @@ def doubted(
 
 
 class _Rounding:
-    """Which findings stand for the steps of coarse encoders: only likelihoods speak for them, and that on
-    simulated recordings without them, too. Every one is asked once."""
+    """Which findings stand for the steps of coarse encoders: likelihoods speak for them on simulated
+    recordings without them, too, and free runs do not. Every one is asked once."""
 
-    def __init__(self, baseline: Fit, records: Sequence[Record], corroborated: Corroborated) -> None:
-        self._baseline, self._records, self._corroborated = baseline, records, corroborated
+    def __init__(
+        self, baseline: Fit, records: Sequence[Record], percent: Callable[[Model], Sequence[float]]
+    ) -> None:
+        self._baseline, self._records, self._percent = baseline, records, percent
         self._known: list[tuple[Explanation, Fit, bool]] = []
 
     def first(self, choices: list[Choice]) -> Choice | None:
@@ -137,10 +139,15 @@ class _Rounding:
         for one, beside, known in self._known:
             if one is found and beside is before:
                 return known
-        borne_out = self._corroborated(found.fit, before, found.effect)
-        shows = not borne_out and rounding_shows(found, before, self._records)
+        shows = not self._errs_less(found.fit, before) and rounding_shows(found, before, self._records)
         self._known.append((found, before, shows))
         return shows
+
+
+    def _errs_less(self, fit: Fit, before: Fit) -> bool:
+        """Whether free runs err less with a finding, by ERRS_LESS: encoder steps are too small for that."""
+        own, other = (100.0 - sum(p) / len(p) for p in map(self._percent, (fit.model, before.model)))
+        return own < ERRS_LESS * other
 
 
 def _without_last(kept: list[Choice]) -> list[Choice]:

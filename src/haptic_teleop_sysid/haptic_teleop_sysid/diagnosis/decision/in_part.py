@@ -45,10 +45,10 @@ class InPart:
     """A name that stands: ``effect`` with the sizes found here and their standard errors ``std`` by parameter
     (what halves of the stretches, and the sizes found elsewhere, put them apart); ``index`` among the effects
     of which it is one; ``apart``: the sizes found elsewhere, and ``words`` for that; ``adequacy``: share that
-    it explains of what any torque in its own quantities does; ``share``: of all that is missing; ``rest``:
-    the torque without a form beside which it was judged, which explains ``more`` of all that is missing; None
-    where each such torque could be the name's, too, as every one holds a constant; ``others``: what the
-    torques do not tell it from, with their shares; ``known``: its own share."""
+    it explains of what any torque in its own quantities does, or, where it is the same ``everywhere``, any at
+    its place; ``share``: of all that is missing; ``rest``: the torque without a form beside which it was
+    judged, which explains ``more`` of all that is missing; None where each such torque could be the name's,
+    too; ``others``: what the torques do not tell it from, with their shares; ``known``: its own share."""
 
     effect: Effect
     std: dict[str, float]
@@ -59,6 +59,7 @@ class InPart:
     share: float
     rest: Latent | None
     more: float
+    everywhere: bool = False
     others: tuple[tuple[Effect, float], ...] = ()
     known: float = 1.0
 
@@ -90,7 +91,7 @@ def found_in_part(instead: StandIn, model: Model, opinion: Opinion) -> list[InPa
         own = known.get((effect.effect, effect.location))
         return Hypothesis.of(effect, model.place(effect.location)) if own is None else own
 
-    return _those_that_stand(instead.effects, hypothesis, opinion.witness.folds, FREELY)
+    return _those_that_stand(instead.effects, hypothesis, opinion.witness.folds, FREELY, alone=False)
 
 
 def found_one_by_one(group: Group, opinion: Opinion) -> list[InPart]:
@@ -98,7 +99,7 @@ def found_one_by_one(group: Group, opinion: Opinion) -> list[InPart]:
     may be, where that gains nearly as much in its place."""
     own = dict(zip(_names(group), group.hypotheses, strict=True))
     found = _those_that_stand(
-        group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE
+        group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE, alone=True
     )
     return [_with_rivals(one, group, opinion.witness) for one in found]
 
@@ -108,7 +109,7 @@ def _with_rivals(one: InPart, group: Group, witness: Witness) -> InPart:
     by no more than NEGLIGIBLE times APART. A richer form of it is none, because it contains it."""
     name = one.effect.effect, one.effect.location
     rest = set(_names(group)) - {name}
-    near: list[tuple[Effect, float]] = []
+    near: dict[tuple[str, str], tuple[Effect, float]] = {}
     for level in witness.levels:
         for other in level:
             behind = (group.gain - other.gain) / APART
@@ -117,10 +118,12 @@ def _with_rivals(one: InPart, group: Group, witness: Witness) -> InPart:
                 continue
             instead = next(e for e in other.effects if (e.effect, e.location) in left)
             richer = instead.entry.refinement is not None and instead.entry.refinement.of == name[0]
-            if (instead.effect, instead.location) != name and not (richer and instead.location == name[1]):
-                near.append((instead, math.exp(-behind)))
-    whole = 1.0 + sum(weight for _, weight in near)
-    shares = sorted(((e, weight / whole) for e, weight in near), key=lambda rival: -rival[1])
+            key, weight = (instead.effect, instead.location), math.exp(-behind)
+            if key == name or (richer and key[1] == name[1]) or weight <= near.get(key, (instead, 0.0))[1]:
+                continue
+            near[key] = instead, weight
+    whole = 1.0 + sum(weight for _, weight in near.values())
+    shares = sorted(((e, weight / whole) for e, weight in near.values()), key=lambda rival: -rival[1])
     others = tuple((e, one.adequacy * share) for e, share in shares if share > LEAST_TOLD)
     return replace(one, others=others, known=1.0 / whole)
 
@@ -130,30 +133,39 @@ def _names(group: Group) -> list[tuple[str, str]]:
 
 
 def _those_that_stand(
-    effects: Sequence[Effect], hypothesis: Callable[[Effect], Hypothesis], search: Search, words: str
+    effects: Sequence[Effect],
+    hypothesis: Callable[[Effect], Hypothesis],
+    search: Search,
+    words: str,
+    alone: bool,
 ) -> list[InPart]:
+    """The effects that stand; ``alone``: those that are the same everywhere, too, which need their rivals."""
     found = []
     for index, effect in enumerate(effects):
         if follows_from_motion(effect.entry):
-            one = _judged(index, effect, hypothesis(effect), search, words)
+            one = _judged(index, effect, hypothesis(effect), search, words, alone)
             if one is not None:
                 found.append(one)
     return sorted(found, key=lambda one: -one.share)
 
 
-def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: str) -> InPart | None:
-    alike, everywhere = search.alike(own), search.same_everywhere(own)
+def _judged(
+    index: int, effect: Effect, own: Hypothesis, search: Search, words: str, alone: bool
+) -> InPart | None:
+    alike = search.alike(own)
     others = [q for q in search.latents if q not in alike and "time" not in q.quantities]
+    here = [q for q in others if q.place == own.place]
+    everywhere = alone and bool(here) and search.same_everywhere(own)
     if not alike and not everywhere:
         return None
-    # On a motion as plain as one sine each of them could be this torque, and each holds a constant: then the
-    # name is judged by itself.
+    # On a motion as plain as one sine each of them could be this torque, and each at its place holds a
+    # constant: then the name is judged by itself.
     rest = None if everywhere else min(others, key=lambda q: search.left_over((own, q)), default=None)
     beside = () if rest is None else (rest,)
     both = (own, *beside)
     if search.likelier(both) < search.likelier(beside) + CLEARLY:
         return None
-    adequacy = _of_all_torques(own, others, search) if everywhere else search.adequacy_beside(own, beside)
+    adequacy = _of_all_torques(own, here, search) if everywhere else search.adequacy_beside(own, beside)
     # Along one quantity a curve that explains clearly more has another form, unless the effect does nearly
     # all that it does: in a long recording the least difference is clear.
     curves = [(q, *beside) for q in alike if len(q.quantities) == 1]
@@ -172,12 +184,12 @@ def _judged(index: int, effect: Effect, own: Hypothesis, search: Search, words: 
         search.explained(both) - max(search.explained(known), 0.0) for known in (beside, (own,))
     )
     named = replace(effect, parameters={**effect.parameters, **mean})
-    return InPart(named, std, index, apart, words, adequacy, share, rest, more)
+    return InPart(named, std, index, apart, words, adequacy, share, rest, more, everywhere)
 
 
-def _of_all_torques(own: Hypothesis, others: Sequence[Latent], search: Search) -> float:
-    """Share of what any torque without a form explains at its place that a constant does."""
-    most = max(search.explained((q,)) for q in others if q.place == own.place)
+def _of_all_torques(own: Hypothesis, here: Sequence[Latent], search: Search) -> float:
+    """Share of what any torque without a form explains at a constant's place that the constant does."""
+    most = max(search.explained((q,)) for q in here)
     return min(max(search.explained((own,)), 0.0) / most, 1.0) if most > 0.0 else 1.0
 
 

@@ -24,21 +24,22 @@ def nearly_all_torque(
     """The opinion that chooses, of the groups that gain most for their number of effects, the one with the
     fewest of which holds: together they explain NEARLY_ALL_TORQUE of what any torque does, and NEARLY_ALL of
     what is missing, each of them LEAST_EXPLAINED of what the others leave; beside them no torque without a
-    form explains STRUCTURED of the rest, or, where that holds of no group, their free runs (``errors``) err
-    by no more than SLIGHT_ERROR; and these err no more than any of those ``before`` on either kind of
-    recordings, and less than the mean. None where there is none. Its rivals are the groups of as many
-    effects of which all that holds, too."""
+    form explains STRUCTURED of the rest, or, where that holds of no group, they explain NEARLY_ALL_TORQUE of
+    all that is missing, and their free runs (``errors``) err by no more than SLIGHT_ERROR; and these err no
+    more than any of those ``before`` on either kind of recordings, and less than the mean. None where there
+    is none. Its rivals are the groups of as many effects of which all that holds, too."""
     least = [min(kind) for kind in zip(*before, strict=True)]
 
     def stands(group: Group, slight: bool) -> Heard | None:
-        if group.gain <= 0.0 or not _explain(witness, group):
+        most = NEARLY_ALL_TORQUE * (1.0 if slight else witness.recoverable)
+        if group.gain <= 0.0 or not _explain(witness, group, most):
+            return None
+        if not slight and _has_shape(witness, group):
             return None
         found = errors(group.model)
         if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, least, strict=True)):
             return None
-        if _has_shape(witness, group) and not (slight and max(found) <= SLIGHT_ERROR):
-            return None
-        return Heard(group, group.gain, found)
+        return None if slight and max(found) > SLIGHT_ERROR else Heard(group, group.gain, found)
 
     for slight, level in itertools.product((False, True), witness.levels):
         best, *others = sorted(level, key=lambda group: -group.gain)
@@ -53,10 +54,11 @@ def nearly_all_torque(
     return None
 
 
-def _explain(witness: Witness, group: Group) -> bool:
-    """Whether a group explains nearly all, and each of its effects is needed."""
+def _explain(witness: Witness, group: Group, most: float) -> bool:
+    """Whether a group explains ``most`` of what is missing, and NEARLY_ALL, and each of its effects is
+    needed."""
     left = 1.0 - witness.folds.explained(group.hypotheses)
-    if left > 1.0 - max(NEARLY_ALL_TORQUE * witness.recoverable, NEARLY_ALL):
+    if left > 1.0 - max(most, NEARLY_ALL):
         return False
     all_but_one = itertools.combinations(group.hypotheses, len(group.hypotheses) - 1)
     without = (1.0 - witness.folds.explained(others) for others in all_but_one)

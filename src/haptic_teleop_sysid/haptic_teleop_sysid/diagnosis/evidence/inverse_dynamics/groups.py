@@ -173,8 +173,8 @@ class Search:
 
     def same_everywhere(self, hypothesis: Hypothesis) -> bool:
         """Whether the effect's torque follows nothing: it has one size along all of the motion."""
-        torque = self.sides[0].side.torque(hypothesis)
-        return bool(np.all(np.ptp(torque, axis=0) <= STEADY * np.max(np.abs(torque), axis=0)))
+        torques = (one.side.torque(hypothesis) for one in self.sides)
+        return all(np.all(np.ptp(t, axis=0) <= STEADY * np.max(np.abs(t), axis=0)) for t in torques)
 
     @cached_property
     def latents(self) -> tuple[Latent, ...]:
