@@ -226,8 +226,8 @@ predictions or free runs ask for more; no torque without a form may explain STRU
 unless the names explain that share of all and free runs with them err by no more than a twentieth. Lower:
 physics without a name gets the nearest one; higher: right names of machines whose law is not quite the name's
 are `unknown`. By hand: of 34 `unknown` answers on real joints five get names so, all expected ones, and two
-of 18 later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark and on four
-draws of physics without a name none, nor of 36 of a fifth (of the four a loaded potentiometer without the
+of 18 later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark and on
+four draws of physics without a name none, nor of 36 of a fifth (of the four a loaded potentiometer without the
 condition on what is left)."""
 
 WHITE = 53.0
