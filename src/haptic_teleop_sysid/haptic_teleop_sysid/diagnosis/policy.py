@@ -220,15 +220,15 @@ physics without one; higher: `unknown` where friction is in plain sight. Set on 
 instrument's spindle has 0.95 of the second."""
 
 NEARLY_ALL_TORQUE = 0.9
-"""Share of what any torque explains of what is missing (mean square, in the band of the motion, where it was
-not fitted), and NEARLY_ALL of all of that, that names must explain to be the answer although one-step
+"""Share of what any torque explains of what is missing (mean square, in the band of the motion, where it
+was not fitted), and NEARLY_ALL of all of that, that names must explain to be the answer although one-step
 predictions or free runs ask for more; no torque without a form may explain STRUCTURED of what they leave,
 unless the names explain that share of all and free runs with them err by no more than a twentieth. Lower:
-physics without a name gets the nearest one; higher: right names of machines whose law is not quite the name's
-are `unknown`. By hand: of 34 `unknown` answers on real joints five get names so, all expected ones, and two
-of 18 later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark and on
-four draws of physics without a name none, nor of 36 of a fifth (of the four a loaded potentiometer without the
-condition on what is left)."""
+physics without a name gets the nearest one; higher: right names of machines whose law is not quite the
+name's are `unknown`. By hand: of 34 `unknown` answers on real joints five get names so, all expected ones,
+and two of 18 later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark
+and on four draws of physics without a name none, nor of 36 of a fifth (of the four a loaded potentiometer
+without the condition on what is left)."""
 
 WHITE = 53.0
 """Portmanteau statistic over 25 lags that white innovations exceed once in a thousand. Above it on both kinds
