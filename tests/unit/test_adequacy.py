@@ -230,6 +230,9 @@ def test_a_name_beside_which_much_is_left_is_part_of_what_is_missing_and_the_ver
     told = headline(verdict, {})[1]
     assert told.startswith("Part of what is missing is probably coulomb_friction at j_motor")
     assert "The rest no known effect explains; it sits at j_motor and comes and goes with time" in told
+    rival = {"effect": "constant_torque", "location": "j_motor", "confidence": 0.43}
+    open_still = replace(verdict, findings=[verdict.findings[0] | {"alternatives": [rival]}])
+    assert ") or constant_torque at j_motor. The rest" in headline(open_still, {})[1]
     # Where what is left is chance the name stays, unsurely.
     by_chance = decide_verdict(result, records, records, adequate=Adequacy(0.8, 0.45, random_left=True))
     assert (by_chance.kind, by_chance.findings[0]["confidence"]) == ("identified", 0.69)

@@ -82,7 +82,7 @@ def _headline(verdict: Verdict, content: dict[str, Any]) -> tuple[Status, str]:
         named = f"Part of the missing physics has a name: {sure}. Beside it these" if sure else "These"
         return "fair", f"{named} recordings cannot tell {_rivals(verdict)} apart."
     if verdict.kind == "unknown":
-        sure = " and ".join(_named(f) for f in verdict.findings)
+        sure = " and ".join(_with_rivals(f) for f in verdict.findings)
         if sure and nothing_shown(verdict.adequacy):
             return "fair", (
                 f"What is missing resembles {sure}. But with it recordings are simulated worse than by your "
@@ -110,6 +110,12 @@ def _named(f: dict[str, Any]) -> str:
     """An effect with its place and sizes."""
     sizes = ", ".join(f"{name.replace('_', ' ')} {parameter_text(p)}" for name, p in f["parameters"].items())
     return f"{f['effect']} at {f['location']} ({sizes})" if sizes else f"{f['effect']} at {f['location']}"
+
+
+def _with_rivals(f: dict[str, Any]) -> str:
+    """An effect with its place and sizes, and what else it may be."""
+    rivals = f["alternatives"] if _unsure(f) else []
+    return " or ".join([_named(f), *(f"{a['effect']} at {a['location']}" for a in rivals)])
 
 
 def parameter_text(p: dict[str, Any]) -> str:
