@@ -173,9 +173,11 @@ are white; the square of the second on the validation recordings alone is enough
 white ones, too, where the witness has the same names, or the torques gain LEAST_GAIN more by its own. Lower:
 the witness, which sees no sensors, is believed less often. The first also where sizes that free runs want
 take the place of those that torques want, and those with a smoothed sign the place of those that stick: what
-errs less by less than that is an accident of where a search ended. The second also the other way round: where
-the first opinion errs less than the witness with the same names by it, the witness does not judge them. By
-hand; in a force loop, whose regression is biased, it erred 27 times as much with a name that was right."""
+errs less by less than that is an accident of where a search ended; and where a finding makes free runs of
+the validation recordings err less by it, coarse encoders do not stand for it. The second also the other way:
+where the first opinion errs less than the witness with the same names by it, the witness does not judge
+them. By hand; in a force loop, whose regression is biased, it erred 27 times as much with a name that was
+right."""
 
 FITS_WORSE = 1.1
 """Factor by which what is left of the torques must grow with an encoder's error taken out of the readings for
@@ -226,7 +228,7 @@ predictions or free runs ask for more; no torque without a form may explain STRU
 unless the names explain that share of all and free runs with them err by no more than a twentieth. Lower:
 physics without a name gets the nearest one; higher: right names of machines whose law is not quite the
 name's are `unknown`. By hand: of 34 `unknown` answers on real joints five get names so, all expected ones,
-and two of 18 later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark
+and two of six later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark
 and on four draws of physics without a name none, nor of 36 of a fifth (of the four a loaded potentiometer
 without the condition on what is left)."""
 

@@ -81,11 +81,10 @@ def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
     kept = []
     for part in parts:
         effect, location = part.effect.effect, part.effect.location
-        jumps = any(e.jumps and effect in family(n) for n, e in EFFECTS.items())
+        jumps = not part.everywhere and any(e.jumps and effect in family(n) for n, e in EFFECTS.items())
         there = turning.size_of(effect, location)
         size = part.effect.values[part.effect.entry.parameters[0].name]
         agrees = there is None or abs(size - there) <= OTHERWISE * max(size, there)
-        jumps = jumps and not part.everywhere
         if ((jumps and agrees) or part.share >= LEAST_EXPLAINED) and not turning.not_seen(effect, location):
             kept.append(part)
     return kept

@@ -32,6 +32,8 @@ SHARE_LESS = 0.05
 SIMULATED_MARGIN = 4.0
 #: Weight, relative to the best explanation, of one that the recordings cannot tell from it.
 ALIKE = 0.5
+#: Share of the weights from which another name is told beside the chosen one.
+LEAST_TOLD = 0.02
 
 
 @dataclass(frozen=True)
@@ -84,12 +86,14 @@ def choose(
         for e in found
         if e.material and gains_enough(e.gain, e.elsewhere, alone=not further) and significant(e)
     ]
-    enough = [e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far for e in gaining]
-    good = [e for e, shares in zip(gaining, enough, strict=True) if shares]
+    good: list[Explanation] = []
+    leftovers: list[Explanation] = []
+    for e in gaining:
+        shares = e.by_current > 0.0 or e.score >= _least_share(e) * best_so_far
+        (good if shares else leftovers).append(e)
     if apart is not None:
         # What predicts the same as a leftover is one, whatever its name.
-        rest = zip(gaining, enough, strict=True)
-        left = [e for e, shares in rest if not shares and not e.effect.entry.unnamed]
+        left = [e for e in leftovers if not e.effect.entry.unnamed]
         good = [e for e in good if e.by_current > 0.0 or not any(alike(one, e, apart) for one in left)]
     # One effect by the motion alone and by the currents as well is one explanation, not two.
     best_of = {(e.effect.effect, e.effect.location): e for e in sorted(good, key=lambda e: e.score)}
@@ -130,7 +134,7 @@ def choose(
     weights = weights / weights.sum()
     order = np.argsort(-weights, kind="stable")
     ranked = [(close[i], float(weights[i])) for i in order]
-    others = tuple((e, p) for e, p in ranked[1:] if p > 0.02)
+    others = tuple((e, p) for e, p in ranked[1:] if p > LEAST_TOLD)
     first = int(order[0])
     little = float(np.sum(weights[raised])) if not raised[first] else 0.0
     choice = Choice(ranked[0][0], ranked[0][1], others, little)

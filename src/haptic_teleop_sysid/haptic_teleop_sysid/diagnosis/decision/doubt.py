@@ -143,7 +143,6 @@ class _Rounding:
         self._known.append((found, before, shows))
         return shows
 
-
     def _errs_less(self, fit: Fit, before: Fit) -> bool:
         """Whether free runs err less with a finding, by ERRS_LESS: encoder steps are too small for that."""
         own, other = (100.0 - sum(p) / len(p) for p in map(self._percent, (fit.model, before.model)))

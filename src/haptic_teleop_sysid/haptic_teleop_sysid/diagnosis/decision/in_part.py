@@ -9,6 +9,7 @@ as on one slow sine. The verdict stays `unknown`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +27,7 @@ from ..hypotheses.explanation import Explanation
 from ..hypotheses.follows import follows_from_motion
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL
 from .adequacy import NOT_SURE
-from .decide import Choice
+from .decide import LEAST_TOLD, Choice
 from .finding import finding
 from .objections import OTHER_SIZE
 from .stand_in import StandIn
@@ -34,8 +35,6 @@ from .verdict import Verdict
 
 #: Relative difference between the sizes of torques and of free runs that is told.
 _TOLD = 0.1
-#: Share from which another name is told beside one.
-LEAST_TOLD = 0.02
 #: Where a size comes from that is another one.
 FREELY, ALONE = "free runs with the names alone want", "fitted without that torque it would be"
 
@@ -110,18 +109,16 @@ def _with_rivals(one: InPart, group: Group, witness: Witness) -> InPart:
     name = one.effect.effect, one.effect.location
     rest = set(_names(group)) - {name}
     near: dict[tuple[str, str], tuple[Effect, float]] = {}
-    for level in witness.levels:
-        for other in level:
-            behind = (group.gain - other.gain) / APART
-            left = set(_names(other)) - rest
-            if len(other.effects) != len(group.effects) or len(left) != 1 or behind > NEGLIGIBLE:
-                continue
-            instead = next(e for e in other.effects if (e.effect, e.location) in left)
-            richer = instead.entry.refinement is not None and instead.entry.refinement.of == name[0]
-            key, weight = (instead.effect, instead.location), math.exp(-behind)
-            if key == name or (richer and key[1] == name[1]) or weight <= near.get(key, (instead, 0.0))[1]:
-                continue
-            near[key] = instead, weight
+    for other in itertools.chain.from_iterable(witness.levels):
+        behind = (group.gain - other.gain) / APART
+        instead = [e for e in other.effects if (e.effect, e.location) not in rest]
+        if len(other.effects) != len(group.effects) or len(instead) != 1 or behind > NEGLIGIBLE:
+            continue
+        (effect,) = instead
+        key, weight, richer = (effect.effect, effect.location), math.exp(-behind), effect.entry.refinement
+        contains = richer is not None and (richer.of, effect.location) == name
+        if key != name and not contains and weight > near.get(key, (effect, 0.0))[1]:
+            near[key] = effect, weight
     whole = 1.0 + sum(weight for _, weight in near.values())
     shares = sorted(((e, weight / whole) for e, weight in near.values()), key=lambda rival: -rival[1])
     others = tuple((e, one.adequacy * share) for e, share in shares if share > LEAST_TOLD)

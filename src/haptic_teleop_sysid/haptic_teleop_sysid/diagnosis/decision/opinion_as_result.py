@@ -14,7 +14,7 @@ from ..evidence.second_opinion import Errors, Opinion
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twins
 from ..policy import LEAST_EXPLAINED
-from .decide import Choice, prior
+from .decide import LEAST_TOLD, Choice, prior
 from .free_run_sizes import Simulated, as_fitted, sized_freely
 from .known_sizes import with_known_sizes
 from .reasons import Doubt
@@ -107,4 +107,4 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
         return replace(explanation, fit=replace(final, model=replace(final.model, effects=effects)))
 
     rivals = sorted(others.values(), key=lambda o: -o[1])
-    return Choice(explanation, own, tuple((instead(e), p) for e, p in rivals if p > 0.02))
+    return Choice(explanation, own, tuple((instead(e), p) for e, p in rivals if p > LEAST_TOLD))
