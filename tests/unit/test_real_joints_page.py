@@ -70,3 +70,7 @@ def test_rows_are_in_order_of_their_dates_newest_first(rows):
 def test_no_row_has_more_fields_than_the_header(rows):
     """An answer with commas and without quotes was cut at the first one."""
     assert [row["number"] for row in rows if None in row or None in row.values()] == []
+
+
+def test_rows_keep_their_numbers_when_newer_ones_come(rows):
+    assert [int(row["number"]) for row in rows] == list(range(len(rows), 0, -1))
