@@ -320,6 +320,15 @@ def test_what_was_found_comes_first_where_only_the_structure_without_it_is_worse
     assert page.render().count("Worse than your own model on the validation recordings.") == 1
 
 
+def test_what_is_worse_comes_first_where_no_model_has_what_was_found():
+    """A wheel's friction beside something unknown: the re-estimate was worse, only a note said so."""
+    worse = {"models": {"baseline": {}}, "sentence": "Worse than your own model on the validation recordings"}
+    held = {"holds": "given", "what": "your own model as it came"}
+    page = first_line("unknown", [finding()], worse_than_given=worse, augmented_model=held)
+    status, happened, _ = page.conclusion
+    assert status == "bad" and happened.startswith("Worse than your own model")
+
+
 def test_the_page_says_where_under_which_condition_and_when():
     page = Page("t")
     reasons(page, verdict("identified", [finding()]), content(), [])

@@ -97,9 +97,11 @@ def nameless_at(where: dict[str, Any], content: dict[str, Any]) -> str:
 
 
 def found_is_better(content: dict[str, Any]) -> bool:
-    """Whether something is named with which nothing is simulated worse than by the user's own model."""
-    worse = content["worse_than_given"]
-    return bool(content["findings"]) and (worse is None or "augmented" not in worse["models"])
+    """Whether something is named, and a model with what was found is handed on that simulates nothing worse
+    than the user's own. A name beside something unknown may be in no model."""
+    worse, held = content["worse_than_given"], content["augmented_model"]["holds"]
+    better = worse is None or "augmented" not in worse["models"]
+    return bool(content["findings"]) and held == "augmented" and better
 
 
 def map_sentences(content: dict[str, Any]) -> list[str]:
