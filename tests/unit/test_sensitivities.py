@@ -5,6 +5,7 @@ import pytest
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import INITIAL, pack, predict, simulate
+from haptic_teleop_sim.kernel.predict import ROOM
 from haptic_teleop_sim.model import Effect, Model
 
 DT = 2e-3
@@ -144,6 +145,35 @@ def test_the_contact_of_a_sticking_friction_has_exact_sensitivities(monkeypatch)
     contact = {"torque": 0.3, "contact_angle": 0.004}
     monkeypatch.setitem(VALUES, "coulomb_friction", contact)
     test_sensitivities_equal_central_differences(FLEXIBLE, "coulomb_friction", "motor")
+
+
+MEMORIES = [
+    ("presliding_friction", "stage1_arm"), ("hysteresis", "stage1_joint"), ("presliding_friction", "stage1_motor"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("memories", range(4))
+def test_all_ways_through_a_step_have_the_same_derivatives(memories):
+    """Steps for up to two memories and a number of columns that compilers know, for any number of both, and
+    by one matrix: each has those of the last, which the differences above judge."""
+    effects = [Effect(name, place, VALUES[name]) for name, place in MEMORIES[:memories]]
+    model = FLEXIBLE.with_effects(*effects)
+    measured, free = record(FLEXIBLE), model.free_parameters() + INITIAL
+
+    def derivatives(model, columns):
+        held = (np.zeros((pack(model).states, 2, columns)), np.zeros((2, columns)))
+        options = {"gain": observer(pack(model).states), "decay": (0.99, 0.98), "gain_slopes": held}
+        return predict(pack(model), signals()[0], measured, DT, free, initial_state=START, **options).d_innovation
+
+    few, many = derivatives(model, len(free)), derivatives(model, ROOM + 1)
+    # An effect with own states that does nothing, and so takes the way for them.
+    idle = Effect("extra_flexible_mode", "stage1_arm", {**VALUES["extra_flexible_mode"], "inertia": 1e-12})
+    general = derivatives(model.with_effects(idle), len(free))
+    scale = np.abs(few).max()
+    assert scale > 0.1 and pack(model).states == 6 + memories
+    np.testing.assert_allclose(many[:, :, : len(free)], few, rtol=0, atol=1e-10 * scale)
+    np.testing.assert_allclose(many[:, :, len(free) :], 0.0)
+    np.testing.assert_allclose(general, few, rtol=0, atol=1e-6 * scale)
 
 
 def test_prediction_with_and_without_derivatives_is_the_same():

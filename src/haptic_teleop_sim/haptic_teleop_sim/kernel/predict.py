@@ -15,9 +15,9 @@ from .simulate import acting, series_or_zeros
 
 FloatArray = NDArray[np.float64]
 
-#: Columns of sensitivities come in multiples of this, the last ones unused: as many as compiled code takes at
-#: once; a rest is taken one by one, which takes as long as all of them.
-ROOM = 16
+#: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivities.py``); those that are not
+#: used take no time.
+ROOM = 32
 
 #: Effects that change the torque before anything moves.
 _BEFORE_THE_MOTION = frozenset(e.name for e in EFFECTS.values() if e.kind == "input")

@@ -98,18 +98,19 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     """
     n = x.shape[0]
     ncol = d_innovation.shape[2]
-    # Room for whole vectors: the columns beyond ncol stay zero.
-    wide = s.shape[1]
-    linear = codes.shape[0] == 0
+    # Whole vectors of columns: those beyond ncol stay zero.
+    used = (ncol + 3) // 4 * 4
+    linear = codes.shape[0] == 0 and s.shape[1] == PITCH
     matrix = sample_matrix(dt, substeps, rigid, base, codes, p) if linear else np.empty((0, 0))
     by_base = sample_slopes(dt, substeps, rigid, base, codes, p) if linear else np.empty((0, 0))
     pushed = np.zeros(20)
-    work = sensitive_scratch(n, wide)
+    work = sensitive_scratch(s, used)
+    rows = s.reshape(s.size)
     last = np.array([x[0] - dt * x[2], x[1] - dt * x[3], x[2], x[3]])
     looking_back = lead[0] != 0.0 or lead[1] != 0.0
     last_s = s[:4].copy()
     for ch in range(2):
-        for c in range(wide):
+        for c in range(used):
             last_s[ch, c] -= dt * s[2 + ch, c]
     own = 0
     for e in range(codes.shape[0]):
@@ -120,8 +121,8 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
     dpar = np.zeros((2, ncol))
     slopes = np.zeros(2)
     # Of the present innovations, and of gain and decay, with the same room for whole vectors.
-    d_now = np.zeros((2, wide))
-    by_gain, by_decay = np.zeros((n, 2, wide)), np.zeros((2, wide))
+    d_now = np.zeros((2, used))
+    by_gain, by_decay = np.zeros((n, 2, used)), np.zeros((2, used))
     keep = d_states.shape[0] > 0
     correcting = False
     for j in range(n):
@@ -158,12 +159,12 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
             m = measured[i, ch]
             if math.isnan(m):
                 innovation[i, ch] = 0.0
-                for c in range(wide):
+                for c in range(used):
                     d_now[ch, c] = 0.0
             else:
                 innovation[i, ch] = m - yh
                 turned = -slopes[ch]
-                for c in range(wide):
+                for c in range(used):
                     d_now[ch, c] = turned * s[ch, c]
                 if late:
                     for c in range(ncol):
@@ -184,19 +185,19 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
                 g0, g1 = gain[j, 0], gain[j, 1]
                 x[j] += g0 * e0 + g1 * e1
                 if moving:
-                    for c in range(wide):
+                    for c in range(used):
                         s[j, c] += (g0 * d_now[0, c] + g1 * d_now[1, c]
                                     + (by_gain[j, 0, c] * e0 + by_gain[j, 1, c] * e1))
                 else:
-                    for c in range(wide):
+                    for c in range(used):
                         s[j, c] += g0 * d_now[0, c] + g1 * d_now[1, c]
         if looking_back:
             for j in range(4):
                 last[j] = x[j]
-                for c in range(wide):
+                for c in range(used):
                     last_s[j, c] = s[j, c]
         if linear:
-            linear_sample_sensitive(x, s, i, torque[i], torque_arm[i], matrix, by_base, base_col,
+            linear_sample_sensitive(x, s, rows, used, i, torque[i], torque_arm[i], matrix, by_base, base_col,
                                     d_torque, driven, pushed)
         else:
             advance_sensitive(x, s, i, t0 + i * dt, dt, substeps, torque[i], torque_arm[i], exogenous[i],
@@ -215,11 +216,11 @@ def predict_series(x, s, measured, gain, d_gain, decay, d_decay, torque, d_torqu
             if base_col[2] >= 0:
                 s[2, base_col[2]] -= shift / jm
             spread(x, moment[i], base)
-        for c in range(wide):
+        for c in range(used):
             s[n - 2, c] *= decay[0]
             s[n - 1, c] *= decay[1]
         if moving:
-            for c in range(wide):
+            for c in range(used):
                 s[n - 2, c] += by_decay[0, c] * x[n - 2]
                 s[n - 1, c] += by_decay[1, c] * x[n - 1]
         x[n - 2] *= decay[0]

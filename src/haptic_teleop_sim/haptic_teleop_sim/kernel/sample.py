@@ -38,10 +38,10 @@ def sample_slopes(dt, substeps, rigid, base, codes, p):
     """Derivatives (6, 20) of `sample_matrix`: its element (r, j) by the number b of ``base`` is in row j and
     column 4 b + r."""
     slopes = np.zeros((6, 20))
-    x, s = np.zeros(6), np.zeros((6, 8))
+    x, s = np.zeros(6), np.zeros((6, PITCH))
     # No constants: for each of them as an argument the integrator would be compiled once more.
     effects = codes.shape[0]  # none
-    work = sensitive_scratch(s.shape[0], s.shape[1])
+    work = sensitive_scratch(s, 8)
     base_col, p_col = np.arange(5), np.full(len(p), -1)
     d_torque, driven = np.zeros((1, 0)), np.empty(0, dtype=np.int64)
     for j in range(6):
@@ -69,25 +69,34 @@ def linear_sample(x, torque_motor, torque_arm, a):
 
 
 @inner
-def linear_sample_sensitive(x, s, i, torque_motor, torque_arm, a, slopes, base_col, d_torque, driven, forced):
-    """`linear_sample` with its sensitivities ``s`` (6, columns): the matrix' derivatives by ``base`` are in
-    ``slopes`` (`sample_slopes`), those of the torque by the ``driven`` columns in ``d_torque[i]``; ``forced``
-    (20,) is scratch."""
+def linear_columns(s, used, a):
+    """The first ``used`` columns of sensitivities (6, PITCH), which lie row after row, times the matrix in
+    place."""
+    a00, a01, a02, a03, a04, a05 = a[0, 0], a[0, 1], a[0, 2], a[0, 3], a[0, 4], a[0, 5]
+    a10, a11, a12, a13, a14, a15 = a[1, 0], a[1, 1], a[1, 2], a[1, 3], a[1, 4], a[1, 5]
+    a20, a21, a22, a23, a24, a25 = a[2, 0], a[2, 1], a[2, 2], a[2, 3], a[2, 4], a[2, 5]
+    a30, a31, a32, a33, a34, a35 = a[3, 0], a[3, 1], a[3, 2], a[3, 3], a[3, 4], a[3, 5]
+    for c in range(used):
+        s0, s1, s2 = s[c], s[PITCH + c], s[2 * PITCH + c]
+        s3, s4, s5 = s[3 * PITCH + c], s[4 * PITCH + c], s[5 * PITCH + c]
+        s[c] = a00 * s0 + a01 * s1 + a02 * s2 + a03 * s3 + a04 * s4 + a05 * s5
+        s[PITCH + c] = a10 * s0 + a11 * s1 + a12 * s2 + a13 * s3 + a14 * s4 + a15 * s5
+        s[2 * PITCH + c] = a20 * s0 + a21 * s1 + a22 * s2 + a23 * s3 + a24 * s4 + a25 * s5
+        s[3 * PITCH + c] = a30 * s0 + a31 * s1 + a32 * s2 + a33 * s3 + a34 * s4 + a35 * s5
+
+
+@inner
+def linear_sample_sensitive(x, s, rows, used, i, torque_motor, torque_arm, a, slopes, base_col, d_torque,
+                            driven, forced):
+    """`linear_sample` with its sensitivities ``s`` (6, PITCH), row after row ``rows``, of which so many columns
+    are used: the matrix' derivatives by ``base`` are in ``slopes`` (`sample_slopes`), those of the torque by
+    the ``driven`` columns in ``d_torque[i]``; ``forced`` (20,) is scratch."""
     q0, q1, v0, v1 = x[0], x[1], x[2], x[3]
     w0, w1 = torque_motor + x[4], torque_arm + x[5]
     for k in range(20):
         forced[k] = (slopes[0, k] * q0 + slopes[1, k] * q1 + slopes[2, k] * v0 + slopes[3, k] * v1
                      + slopes[4, k] * w0 + slopes[5, k] * w1)
-    a00, a01, a02, a03, a04, a05 = a[0, 0], a[0, 1], a[0, 2], a[0, 3], a[0, 4], a[0, 5]
-    a10, a11, a12, a13, a14, a15 = a[1, 0], a[1, 1], a[1, 2], a[1, 3], a[1, 4], a[1, 5]
-    a20, a21, a22, a23, a24, a25 = a[2, 0], a[2, 1], a[2, 2], a[2, 3], a[2, 4], a[2, 5]
-    a30, a31, a32, a33, a34, a35 = a[3, 0], a[3, 1], a[3, 2], a[3, 3], a[3, 4], a[3, 5]
-    for c in range(s.shape[1]):
-        s0, s1, s2, s3, s4, s5 = s[0, c], s[1, c], s[2, c], s[3, c], s[4, c], s[5, c]
-        s[0, c] = a00 * s0 + a01 * s1 + a02 * s2 + a03 * s3 + a04 * s4 + a05 * s5
-        s[1, c] = a10 * s0 + a11 * s1 + a12 * s2 + a13 * s3 + a14 * s4 + a15 * s5
-        s[2, c] = a20 * s0 + a21 * s1 + a22 * s2 + a23 * s3 + a24 * s4 + a25 * s5
-        s[3, c] = a30 * s0 + a31 * s1 + a32 * s2 + a33 * s3 + a34 * s4 + a35 * s5
+    linear_columns(rows, used, a)
     for k in range(driven.shape[0]):
         for r in range(4):
             s[r, driven[k]] += a[r, 4] * d_torque[i, k]
@@ -99,14 +108,17 @@ def linear_sample_sensitive(x, s, i, torque_motor, torque_arm, a, slopes, base_c
 
 
 @njit
-def sensitive_scratch(n, wide):
-    """Scratch of `advance_sensitive` for n states and so many columns."""
+def sensitive_scratch(s, used):
+    """Scratch of `advance_sensitive` for sensitivities ``s`` (n, columns), of whose columns so many are
+    used."""
+    n, wide = s.shape
     z, dz, sums = np.zeros(n), np.zeros(n), np.zeros(n)
-    by_state, by_parameter = np.zeros((4, n, n)), np.zeros((4, n, wide))
+    by_state, by_parameter = np.zeros((4, n, n)), np.zeros((4, max(n, 8), wide))
     by_start, began = np.zeros((4, 4, 2)), np.zeros((2, wide))
     stage, total, changes = np.zeros((n, wide)), np.zeros((n, wide)), np.zeros((n, wide))
-    forced, g = np.zeros((4, 4, wide)), np.zeros(G_SIZE)
-    return z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, forced, g
+    rows, flat = s.reshape(n * wide), by_parameter.reshape(by_parameter.size)
+    g = np.zeros(G_SIZE)
+    return z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, g, rows, flat, used
 
 
 @inner
@@ -115,7 +127,7 @@ def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogen
     """One sample of Runge-Kutta of state and sensitivities in place; ``driven``: columns whose parameters the
     acting torque depends on, by ``d_torque[i]``; ``remembering``: no effect has own states but memories;
     ``work``: `sensitive_scratch`."""
-    z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, forced, g = work
+    z, dz, sums, by_state, by_parameter, by_start, began, stage, total, changes, g, rows, flat, used = work
     n = x.shape[0]
     own = n - 2
     tm = torque_motor + x[n - 2]
@@ -156,14 +168,14 @@ def advance_sensitive(x, s, i, t, dt, substeps, torque_motor, torque_arm, exogen
         x[3] = va + h / 6.0 * s3
         for j in range(4, own):
             x[j] += h / 6.0 * sums[j]
-        if n == 6:
-            step_sensitivities(s, h, rigid, by_state, by_parameter)
+        for c in range(used):
+            began[0, c] = s[0, c]
+            began[1, c] = s[1, c]
+        if remembering:
+            step_sensitivities(s, rows, used, h, rigid, by_state, by_start, by_parameter, flat, stage, total,
+                               changes)
         else:
-            for c in range(s.shape[1]):
-                began[0, c] = s[0, c]
-                began[1, c] = s[1, c]
-            if remembering:
-                step_remembering_sensitivities(s, h, rigid, by_state, by_parameter, by_start, forced)
-            else:
-                step_many_sensitivities(s, h, rigid, by_state, by_parameter, by_start, stage, total, changes)
-            update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, began, codes, p, p_col)
+            step_many_sensitivities(s, used, h, rigid, by_state, by_parameter, by_start, stage, total,
+                                    changes)
+        if n > 6:
+            update_memories_sensitive(x, h / 6.0 * s0, h / 6.0 * s1, s, used, began, codes, p, p_col)
