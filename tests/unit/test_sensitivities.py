@@ -148,8 +148,10 @@ def test_the_contact_of_a_sticking_friction_has_exact_sensitivities(monkeypatch)
 
 
 MEMORIES = [
-    ("presliding_friction", "stage1_arm"), ("hysteresis", "stage1_joint"), ("presliding_friction", "stage1_motor"),
-]  # fmt: skip
+    ("presliding_friction", "stage1_arm"),
+    ("hysteresis", "stage1_joint"),
+    ("presliding_friction", "stage1_motor"),
+]
 
 
 @pytest.mark.parametrize("memories", range(4))
@@ -162,8 +164,9 @@ def test_all_ways_through_a_step_have_the_same_derivatives(memories):
 
     def derivatives(model, columns):
         held = (np.zeros((pack(model).states, 2, columns)), np.zeros((2, columns)))
-        options = {"gain": observer(pack(model).states), "decay": (0.99, 0.98), "gain_slopes": held}
-        return predict(pack(model), signals()[0], measured, DT, free, initial_state=START, **options).d_innovation
+        gain = observer(pack(model).states)
+        options = {"gain": gain, "decay": (0.99, 0.98), "gain_slopes": held, "initial_state": START}
+        return predict(pack(model), signals()[0], measured, DT, free, **options).d_innovation
 
     few, many = derivatives(model, len(free)), derivatives(model, ROOM + 1)
     # An effect with own states that does nothing, and so takes the way for them.

@@ -88,9 +88,9 @@ def linear_columns(s, used, a):
 @inner
 def linear_sample_sensitive(x, s, rows, used, i, torque_motor, torque_arm, a, slopes, base_col, d_torque,
                             driven, forced):
-    """`linear_sample` with its sensitivities ``s`` (6, PITCH), row after row ``rows``, of which so many columns
-    are used: the matrix' derivatives by ``base`` are in ``slopes`` (`sample_slopes`), those of the torque by
-    the ``driven`` columns in ``d_torque[i]``; ``forced`` (20,) is scratch."""
+    """`linear_sample` with its sensitivities ``s`` (6, PITCH), row after row ``rows``, of which so many
+    columns are used: the matrix' derivatives by ``base`` are in ``slopes`` (`sample_slopes`), those of the
+    torque by the ``driven`` columns in ``d_torque[i]``; ``forced`` (20,) is scratch."""
     q0, q1, v0, v1 = x[0], x[1], x[2], x[3]
     w0, w1 = torque_motor + x[4], torque_arm + x[5]
     for k in range(20):

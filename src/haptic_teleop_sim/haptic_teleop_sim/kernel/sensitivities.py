@@ -381,7 +381,8 @@ def step_sensitivities(s, rows, used, h, rigid, by_state, by_start, by_parameter
 
 @called
 def step_many_sensitivities(s, ncol, h, rigid, by_state, by_parameter, by_start, stage, total, rate):
-    """One step of the first ``ncol`` columns with any number of own states; ``stage``, ``total`` and ``rate`` (nx, columns) are scratch."""
+    """One step of the first ``ncol`` columns with any number of own states; ``stage``, ``total`` and
+    ``rate`` (nx, columns) are scratch."""
     n = s.shape[0]
     rows = n - 2
     for j in range(n):
