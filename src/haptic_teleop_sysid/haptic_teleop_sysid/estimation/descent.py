@@ -104,7 +104,7 @@ def maximise(
             # Data without noise: the likelihood gains without end by ever smaller residuals.
             converged, message = True, "at the resolution of the arithmetic"
             break
-        for _ in range(damped.tries):
+        for tried in range(damped.tries):
             step = gauss_newton_step(information, gradient, damping, active)
             new = problem.limited(point, theta, np.clip(theta + step, problem.low, problem.high))
             trial = problem.at(new, point, damping)
@@ -118,7 +118,7 @@ def maximise(
         gained, moved = trial.value - point.value, new - theta
         told = -float(gradient @ moved) - 0.5 * float(moved @ information @ moved)
         theta, point = new, trial
-        damping = max(damping / _FACTOR, damped.least)
+        damping = damping if tried else max(damping / _FACTOR, damped.least)
         if progress is not None:
             progress(count, point.value)
         if min(gained, (promised - told) + abs(told - gained)) < 0.1 * enough:
