@@ -38,7 +38,7 @@ _AROUND = {
     "free_runs": ("innovations_series, predict_series, simulate_series", ("filters",)),
 }
 _OPTIONS = "cache=True, error_model='numpy', nogil=True, fastmath={'contract'}"
-_KERNEL = ("integrator.py", "sensitivities.py", "sample.py", "prediction.py")
+_KERNEL = ("integrator.py", "sensitivities.py", "sensitivity_steps.py", "sample.py", "prediction.py")
 _JOIN = "# <the text below joins the kernel>"
 
 

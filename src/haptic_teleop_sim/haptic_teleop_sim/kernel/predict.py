@@ -15,7 +15,7 @@ from .simulate import acting, series_or_zeros
 
 FloatArray = NDArray[np.float64]
 
-#: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivities.py``); those that are not
+#: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivity_steps.py``); those that are not
 #: used take no time.
 ROOM = 32
 
