@@ -38,6 +38,14 @@ _AROUND = {
     "free_runs": ("innovations_series, predict_series, simulate_series", ("filters",)),
 }
 _OPTIONS = "cache=True, error_model='numpy', nogil=True, fastmath={'contract'}"
+# Functions marked `inner` or `called` allocate nothing: without counting references to their arrays they take
+# a third of the time. A call hands over some sixty words, which takes longer than most equations: `inner` ones
+# become part of what calls them.
+_DECORATORS = {
+    "njit": _OPTIONS,
+    "called": f"{_OPTIONS}, _nrt=False",
+    "inner": f"{_OPTIONS}, _nrt=False, forceinline=True",
+}
 _KERNEL = ("integrator.py", "sensitivities.py", "sensitivity_steps.py", "sample.py", "prediction.py")
 _JOIN = "# <the text below joins the kernel>"
 
@@ -45,22 +53,14 @@ _JOIN = "# <the text below joins the kernel>"
 def _fingerprint(*paths: Path, seed: str = "") -> str:
     import numba  # with the first kernel only: it takes long
 
-    digest = hashlib.sha256(f"numba {numba.__version__} {_OPTIONS} {seed}".encode())
+    digest = hashlib.sha256(f"numba {numba.__version__} {_DECORATORS} {_KERNEL} {seed}".encode())
     for path in paths:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
 def _compiled(text: str) -> str:
-    # Functions marked `inner` or `called` allocate nothing: without counting references to their arrays they
-    # take a third of the time. A call hands over some sixty words, which takes longer than most equations:
-    # `inner` ones become part of what calls them.
-    options = {
-        "njit": _OPTIONS,
-        "called": f"{_OPTIONS}, _nrt=False",
-        "inner": f"{_OPTIONS}, _nrt=False, forceinline=True",
-    }
-    for mark, chosen in options.items():
+    for mark, chosen in _DECORATORS.items():
         text = re.sub(rf"^@{mark}$", f"@njit({chosen})", text, flags=re.MULTILINE)
     return text
 

@@ -15,8 +15,8 @@ from .simulate import acting, series_or_zeros
 
 FloatArray = NDArray[np.float64]
 
-#: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivity_steps.py``); those that are not
-#: used take no time.
+#: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivity_steps.py``); those that are
+#: not used take no time.
 ROOM = 32
 
 #: Effects that change the torque before anything moves.

@@ -17,7 +17,7 @@ Equations = tuple[FloatArray, FloatArray]
 _RESOLUTION = 1e-8
 #: Log-likelihood that a step may promise and not keep at the top.
 _NEXT_TO_NOTHING = 1.0
-#: Factor by which damping rises after a step that gains nothing, and falls after one that does.
+#: Factor by which damping rises after a step that gains nothing, and falls after one that does at once.
 _FACTOR = 30.0
 
 
@@ -104,7 +104,8 @@ def maximise(
             # Data without noise: the likelihood gains without end by ever smaller residuals.
             converged, message = True, "at the resolution of the arithmetic"
             break
-        for tried in range(damped.tries):
+        tried = damping
+        for _ in range(damped.tries):
             step = gauss_newton_step(information, gradient, damping, active)
             new = problem.limited(point, theta, np.clip(theta + step, problem.low, problem.high))
             trial = problem.at(new, point, damping)
@@ -118,7 +119,8 @@ def maximise(
         gained, moved = trial.value - point.value, new - theta
         told = -float(gradient @ moved) - 0.5 * float(moved @ information @ moved)
         theta, point = new, trial
-        damping = damping if tried else max(damping / _FACTOR, damped.least)
+        # What this step needed the next one is likely to need, too.
+        damping = damping if damping > tried else max(damping / _FACTOR, damped.least)
         if progress is not None:
             progress(count, point.value)
         if min(gained, (promised - told) + abs(told - gained)) < 0.1 * enough:
