@@ -39,8 +39,8 @@ _AROUND = {
 }
 _OPTIONS = "cache=True, error_model='numpy', nogil=True, fastmath={'contract'}"
 # Functions marked `inner` or `called` allocate nothing: without counting references to their arrays they take
-# a third of the time. A call hands over some sixty words, which takes longer than most equations: `inner` ones
-# become part of what calls them.
+# a third of the time. A call hands over some sixty words, which takes longer than most equations: `inner`
+# ones become part of what calls them.
 _DECORATORS = {
     "njit": _OPTIONS,
     "called": f"{_OPTIONS}, _nrt=False",
