@@ -87,8 +87,11 @@ def test_an_input_that_brakes_in_every_recording_is_the_doubt(tmp_path):
     assert f"haptic-teleop import {turned[0]} --suggest" in doubt
     assert diagnosis_run.with_input_sign(told | {"verdict": "identified"}, data)["doubt"] == told["doubt"]
     # A joint that falls over is braked by what holds it up: where that has a name, the sign is right.
-    held_up = told | {"findings": [{"effect": "gravity"}]}
+    held_up = told | {"findings": [{"effect": "gravity", "confidence": 0.69}]}
     assert diagnosis_run.with_input_sign(held_up, data)["doubt"] == told["doubt"]
+    # A name that is less likely than not does not say that the sign is right.
+    late = told | {"findings": [{"effect": "input_delay", "confidence": 0.27}]}
+    assert diagnosis_run.with_input_sign(late, data)["doubt"] == doubt
     right = write_log(tmp_path / "right.csv")
     data.append(load_dataset(open_recording(right), model(), right))
     assert diagnosis_run.with_input_sign(told, data) == told

@@ -178,6 +178,7 @@ def followed(**percents):
         ({"estimation": 80.0, "validation": 20.0}, None),  # poor, and the same machine
         ({"estimation": 80.0, "validation": -900.0}, ["validation"]),
         ({"estimation": 80.0, "validation": 60.0, "test": -np.inf}, ["test"]),
+        ({"estimation": 80.0, "validation": 4.0}, ["validation"]),  # degrees for radians, and a small inertia
         ({"estimation": 80.0, "validation": np.nan}, None),
         ({"estimation": 40.0, "validation": -900.0}, None),  # no model follows anything: physics is missing
     ],

@@ -169,7 +169,7 @@ def content(robot="sfj", joint="stage1", excitation=None, **changes):
         "joint": joint,
         "verdict": "identified",
         "findings": [finding()],
-        "fit": {"given": fits, "baseline": fits, "augmented": better},
+        "fit": {"window_s": 4.0, "given": fits, "baseline": fits, "augmented": better},
         "worse_than_given": None,
         "augmented_model": {"holds": "augmented", "what": "your structure, with what was found"},
         "parameters_moved": [],
@@ -349,6 +349,14 @@ def test_a_confidence_that_is_held_down_by_what_is_left_says_so(confidence, told
     assert (sentence in page.render()) == told
 
 
+def test_names_that_explain_nearly_all_torque_are_told_why_they_are_not_surer():
+    page = Page("t")
+    much = Adequacy(torque=0.99, free_run=0.987, nearly_all_torque=True)
+    reasons(page, verdict("identified", [finding(much.surest)], adequacy=much), content(), [])
+    html = page.render()
+    assert "explains 98.7 % (mean square) of what is missing, but predictions of the next sample ask" in html
+
+
 def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
     page = Page("t")
     beside_chance = Adequacy(torque=0.2, free_run=0.3, random_left=True)
@@ -421,6 +429,7 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitat
     taken = PARSERS["compare"]().parse_args(compared[2:])
     assert taken.model == ["my models/lab.yaml", str(output / "augmented_model.yaml")]
     assert taken.bag == ["logs/check one", "b"]
+    assert taken.window == 4.0, "the windows of the page, or the command says something else"
     told = rows[-1][0]
     assert ("MOVES THE ROBOT" in told) == driven, "what is pasted is no simulation"
     if not driven:

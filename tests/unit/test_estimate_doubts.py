@@ -24,7 +24,7 @@ from haptic_teleop_sysid.report import relative, with_error
 from haptic_teleop_sysid.runs.estimation_doubts import _shaken
 from haptic_teleop_sysid.runs.followed import of_mean, of_worst, worse
 from haptic_teleop_sysid.runs.told_roles import told_role
-from haptic_teleop_sysid.runs.undetermined import what_determines
+from haptic_teleop_sysid.runs.undetermined import what_determines, without_scale
 
 pytestmark = pytest.mark.usefixtures("unillustrated")
 
@@ -210,3 +210,18 @@ def test_the_experiment_that_determines_a_parameter_is_named():
     assert "higher frequencies" in what_determines(STAGE, "motor_inertia")
     assert "stiffness" in what_determines(STAGE, "stiffness")
     assert "reversals" in what_determines(friction, "stage1_motor.coulomb_friction.torque")
+
+
+def test_torques_without_a_scale_are_told_before_what_follows_from_it(tmp_path, capsys):
+    loose = replace(STAGE, fixed=())
+    assert without_scale(loose) and not without_scale(STAGE)
+    friction = loose.with_effects(Effect("coulomb_friction", "stage1_motor", {"torque": 0.05}))
+    assert without_scale(friction)
+    assert not without_scale(replace(friction, fixed=("stage1_motor.coulomb_friction.torque",)))
+    assert not without_scale(replace(friction, fixed=("torque_constant",)))
+    zero = replace(loose, parameters={**loose.parameters, "arm_damping": 0.0}, fixed=("arm_damping",))
+    assert without_scale(zero), "nothing is no scale"
+    bag = write_recording(tmp_path / "bag", stage_recording(seconds=6.0).topics, {})
+    loose.save(tmp_path / "model.yaml")
+    told, *_ = estimated(tmp_path, capsys, "--model", tmp_path / "model.yaml", "--bag", bag)
+    assert "bad: Nothing fixes the scale of the torques" in told and "--fix torque_constant" in told

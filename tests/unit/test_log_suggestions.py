@@ -7,6 +7,7 @@ from test_log_files import bag
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.commands.import_log import main
+from haptic_teleop_sysid.logs.guess import guess_time
 from haptic_teleop_sysid.logs.opened import open_recording
 
 T, TORQUE, ANGLE, SPEED = machine()
@@ -120,6 +121,22 @@ def test_columns_of_one_name_go_by_number_and_counters_of_rows_are_no_time(tmp_p
 def test_a_suggestion_finds_the_unit_of_time_by_its_steps(tmp_path, capsys, unit, scale):
     log = table(tmp_path / "log.csv", ("t", "tau", "q"), (scale * T, TORQUE, ANGLE), digits=15)
     assert f"time: {{column: t, unit: {unit}}}" in suggested(log, tmp_path, capsys).out
+
+
+@pytest.mark.parametrize(
+    ("rate", "scale", "unit"), [(19.2, 1.0, "s"), (10.0, 1e3, "ms"), (1000.0, 1e6, "us")]
+)
+def test_a_slow_log_is_not_a_thousand_times_faster(rate, scale, unit):
+    """19 rows a second are likelier than 19000."""
+    assert guess_time(scale * np.arange(300) / rate, "").unit == unit
+
+
+def test_a_speed_that_was_recorded_is_no_input_where_another_column_drives(tmp_path, capsys):
+    """Numbered columns: a motion in degrees, its rate as a tachometer has it (3 % off), and what drives."""
+    rate = 1.03 * np.degrees(SPEED) + 2.0
+    log = table(tmp_path / "log.csv", ("c1", "c2", "c3", "c4"), (T, rate, np.degrees(ANGLE), TORQUE))
+    out = suggested(log, tmp_path, capsys).out
+    assert "input: {column: c4" in out and "position: {column: c3" in out
 
 
 def test_a_suggestion_for_what_says_all_needs_no_mapping(tmp_path, capsys):

@@ -203,3 +203,38 @@ def test_who_leaves_early_keeps_what_is_written_and_says_so(tmp_path, capsys):
             raise RecordingError("broken: mend it.")
 
     assert run_command(mistaken, []) == 2 and not (tmp_path / "no").exists()
+
+
+def test_a_result_is_never_written_over_what_is_read(tmp_path, capsys):
+    t, torque, angle, _ = machine()
+    log = table(tmp_path / "log.csv", ("time [s]", "torque [Nm]", "q [rad]"), (t, torque, angle))
+    before = log.read_bytes()
+    assert model_from_log.main(["--from", str(log), "--output", str(log), "--overwrite"]) == 2
+    assert "is what this run reads, and would be lost" in capsys.readouterr().err
+    assert log.read_bytes() == before
+    model = tmp_path / "model.yaml"
+    assert model_from_log.main(["--from", str(log), "--output", str(model)]) == 0
+    before = model.read_bytes()
+    assert export.main(["--model", str(model), "--to", "python", "--output", str(model), "--overwrite"]) == 2
+    assert model.read_bytes() == before
+    bag = tmp_path / "bag"
+    assert import_log.main([str(log), "--output", str(bag)]) == 0
+    capsys.readouterr()
+    kept = sorted(p.name for p in bag.iterdir())
+    assert estimate.main(["--model", str(model), "--bag", str(bag), "--output", str(bag)]) == 2
+    assert "bag is a recording: choose another --output" in capsys.readouterr().err
+    assert sorted(p.name for p in bag.iterdir()) == kept
+
+
+def test_a_recording_without_an_input_gives_no_model_and_says_what_it_lacks(tmp_path, capsys):
+    t, _, angle, _ = machine()
+    log = table(tmp_path / "log.csv", ("time [s]", "q [rad]"), (t, angle))
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(
+        'haptic_teleop_import: 1\ntime: {column: "time [s]"}\n'
+        'joints: {joint: {motor: {position: {column: "q [rad]"}}}}\n'
+    )
+    bag = tmp_path / "bag"
+    assert import_log.main([str(log), "--mapping", str(mapping), "--output", str(bag)]) == 0
+    assert model_from_log.main(["--from", str(bag), "--output", str(tmp_path / "model.yaml")]) == 2
+    assert "has no input beside its positions" in capsys.readouterr().err

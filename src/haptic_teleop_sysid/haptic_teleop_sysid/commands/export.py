@@ -18,6 +18,7 @@ from haptic_teleop_sysid.commands.export_cost import costs, simulated_there
 from haptic_teleop_sysid.commands.export_reference import multisine, recorded
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.story import tell
+from haptic_teleop_sysid.report.output import refuse_inputs
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.results import tool_version, write_json
 
@@ -36,6 +37,8 @@ def run(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     model = load_model(arguments.model)
     output = _claim(Path(arguments.output), arguments.overwrite)
+    refuse_inputs(output, [arguments.model])
+    refuse_inputs(_beside(output), [arguments.model])
     file = exported(model, arguments.to, arguments.timestep)
     progress = Console(stderr=True)
     with progress.status("simulating with and without"):

@@ -21,6 +21,7 @@ from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units
 from haptic_teleop_sysid.report import with_error
+from haptic_teleop_sysid.report.output import refuse_inputs
 from haptic_teleop_sysid.results import tool_version
 
 PARTLY = 1
@@ -54,6 +55,7 @@ def run(argv: list[str]) -> int:
         for j in wanted
     }
     for path in paths.values():
+        refuse_inputs(path, [*arguments.logs, *filter(None, [arguments.mapping])])
         if path.exists() and not arguments.overwrite:
             raise ConfigurationError(f"{path} exists already: name another --output, or say --overwrite.")
     failed: list[str] = []

@@ -89,7 +89,13 @@ def joints_in(recording: Recording, name: str) -> dict[str, dict[str, Any]]:
     """
     story = recording.experiment.get("import")
     if isinstance(story, Mapping) and isinstance(story.get("io"), Mapping):
-        return {j: dict(io) for j, io in story["io"].items() if io.get("input")}
+        stated = {j: dict(io) for j, io in story["io"].items() if io.get("input")}
+        if not stated:
+            raise RecordingError(
+                f"{name} has no input beside its positions, and a model needs both: name the column of the "
+                "torque, current, voltage or command in the mapping."
+            )
+        return stated
     found: dict[str, dict[str, Any]] = {}
     for topic, series in recording.topics.items():
         if series.position is None or series.effort is None:

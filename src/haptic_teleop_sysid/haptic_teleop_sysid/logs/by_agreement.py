@@ -24,6 +24,8 @@ _FEW = 8
 #: Correlation from which one column is the integral of another; share of a column that motion must explain
 #: for it to be the input, with and without a velocity that is known.
 _DERIVED, _DRIVES, _DRIVES_ALONE = 0.98, 0.3, 0.6
+#: Correlation with the speed from which a column is a measured one, if another column can be the input.
+_SPEED = 0.98
 #: Rows over which a position is smoothed before it is differentiated.
 _WINDOW = 21
 
@@ -107,20 +109,31 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
             continue
         speed = np.asarray(scipy.signal.savgol_filter(values[0], _WINDOW, 3, deriv=1, delta=step))
         smooth = np.asarray(scipy.signal.savgol_filter(values[1], _WINDOW, 3))
-        tried.append((_share(smooth, time, speed), position, drive))
+        tried.append((_share(smooth, time, speed), _proportional(smooth, speed), position, drive))
     if not tried or (best := max(tried, key=lambda t: t[0]))[0] < _DRIVES_ALONE:
         return []
-    share, position, drive = best
+    share, speed_alone, position, drive = best
+    # A column that is the speed and nothing else is measured, if the same motion explains another one, too.
+    others = [t for t in tried if t[2] is position and t[3] is not drive and t[0] > _DRIVES]
+    if speed_alone and others:
+        share, _, _, drive = max(others, key=lambda t: t[0])
     why = f"by its values: the motion of {position.name!r} explains {100.0 * share:.0f} % of {drive.name!r}"
-    found = [
+    pair = [
         _candidate(position, "position", "", f"position {why}"),
         _candidate(drive, "input", "", f"input {why}"),
     ]
     beside = [c for c in columns if c not in (position, drive) and _together(position, c)]
-    return found + [
+    return pair + [
         _candidate(c, "position", "", f"position by its values: it goes along with {position.name!r}")
         for c in beside[:1]
     ]
+
+
+def _proportional(drive: Array, speed: Array) -> bool:
+    """Whether an input says next to nothing that the speed does not."""
+    return bool(np.std(drive) > 0.0 and np.std(speed) > 0.0) and (
+        abs(float(np.corrcoef(drive, speed)[0, 1])) > _SPEED
+    )
 
 
 def _share(drive: Array, time: Array, speed: Array) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,10 +12,12 @@ from haptic_teleop_control.errors import ConfigurationError
 def claim_output_directory(directory: str | Path, result_name: str, overwrite: bool = False) -> Path:
     """Return `directory`, created if needed, when it holds no `result_name` of an earlier run.
 
-    Raises ConfigurationError when it does and `overwrite` is false, or when the path is a file or cannot be
-    written.
+    Raises ConfigurationError when it does and `overwrite` is false, or when the path is a recording, a file
+    or cannot be written.
     """
     path = Path(directory)
+    if (path / "metadata.yaml").exists():
+        raise ConfigurationError(f"--output {path} is a recording: choose another --output.")
     if (path / result_name).exists() and not overwrite:
         raise ConfigurationError(
             f"{path} already holds the {result_name} of an earlier run: choose another --output, or say "
@@ -23,6 +25,15 @@ def claim_output_directory(directory: str | Path, result_name: str, overwrite: b
         )
     make_output_directory(path)
     return path
+
+
+def refuse_inputs(output: Path, inputs: Iterable[str | Path]) -> None:
+    """ConfigurationError where a run would write its result over what it reads."""
+    for one in inputs:
+        if output.exists() and Path(one).exists() and output.samefile(one):
+            raise ConfigurationError(
+                f"--output {output} is what this run reads, and would be lost: choose another --output."
+            )
 
 
 @contextmanager

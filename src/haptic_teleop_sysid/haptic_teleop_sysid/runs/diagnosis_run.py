@@ -73,9 +73,10 @@ def write_suggestion(output: Path, content: dict[str, Any]) -> None:
 
 def with_input_sign(content: dict[str, Any], data: Sequence[DataSet]) -> dict[str, Any]:
     """The content of a diagnosis, whose doubt is an input that seems to have the opposite sign, where nothing
-    has a name and it does: the mismatch is then of another kind than what the recordings were asked for."""
-    nothing_named = content["verdict"] == "unknown" and not content["findings"]
-    backwards = reversed_input(data) if nothing_named else None
+    has a name that is more likely than not, and it does: the mismatch is then of another kind than what the
+    recordings were asked for."""
+    likely = any(finding["confidence"] >= 0.5 for finding in content["findings"])
+    backwards = reversed_input(data) if content["verdict"] == "unknown" and not likely else None
     if backwards is None:
         return content
     return content | {"input_sign": asdict(backwards), "doubt": backwards.sentence}

@@ -11,7 +11,7 @@ from haptic_teleop_sysid.runs.comparison_pictures import percent_text
 from haptic_teleop_sysid.runs.estimation_doubts import alike, doubts
 from haptic_teleop_sysid.runs.estimation_result import Result, units_of
 from haptic_teleop_sysid.runs.parameter_table import NUMBERS, Row, parameter_rows
-from haptic_teleop_sysid.runs.undetermined import remedy, undetermined_sentence
+from haptic_teleop_sysid.runs.undetermined import remedy, undetermined_sentence, without_scale
 from haptic_teleop_sysid.simulation.windows import closed_loop
 
 _MISSING = "let diagnose find what is missing."
@@ -29,17 +29,27 @@ class Commands:
 @dataclass(frozen=True)
 class Problem:
     """Why parameters are not to be used: in one sentence, and what it rests on. ``search``: the search is to
-    blame, not the model."""
+    blame, not the model; ``scale``: what is estimated is to blame."""
 
     headline: str
     details: tuple[str, ...] = ()
     search: bool = False
+    scale: bool = False
 
 
 def problems(result: Result) -> list[Problem]:
     """What forbids to use the parameters, the weightiest first; empty where nothing does."""
     found = result.estimate
     told: list[Problem] = []
+    if without_scale(found.model):
+        told.append(
+            Problem(
+                "Nothing fixes the scale of the torques: torque_constant may grow with all inertias, "
+                "dampings and torques together, and no recording tells by how much. Do not use these "
+                "numbers.",
+                scale=True,
+            )
+        )
     if not found.converged:
         headline = f"The search did not end at an optimum: {found.message}. Do not use these numbers."
         told.append(Problem(headline, search=True))
@@ -144,6 +154,8 @@ def conclusion(result: Result, commands: Commands) -> tuple[Status, str, str, st
 
 def _remedy(problem: Problem, found: Estimate, commands: Commands) -> tuple[str, str]:
     """The one thing to do, and its command."""
+    if problem.scale:
+        return "add torque_constant to `fixed` in the model, or give --fix torque_constant, and again.", ""
     if not problem.search:
         return _MISSING, commands.diagnose
     if len(found.starts) > 1 and found.method == "prediction-error":

@@ -21,6 +21,19 @@ _BY_LAW = {
 }
 
 
+def without_scale(model: Model) -> bool:
+    """Whether nothing that is held gives torques a scale: with all of them free, and the torque constant,
+    they grow and fall together."""
+    free = model.free_parameters()
+    if "torque_constant" not in free:
+        return False
+    units = {
+        f"{e.location}.{e.effect}.{p.name}": p.unit for e in model.effects for p in e.entry.parameters
+    }
+    held = {n: v for n, v in model.parameter_values().items() if n not in free and v != 0.0}
+    return not any(n in STRUCTURES[model.structure] or "N*m" in units.get(n, "") for n in held)
+
+
 def what_determines(model: Model, name: str) -> str:
     """What to record so that a parameter shows, in words."""
     if name in STRUCTURES[model.structure]:

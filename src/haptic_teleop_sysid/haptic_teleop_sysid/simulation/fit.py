@@ -87,9 +87,9 @@ def choose_windows(model: Model, dataset: DataSet, window: float | str | None = 
         return cut(
             dataset,
             DEFAULT_SECONDS,
-            f"because the first model's angle drifts by {100 * drifting:.0f} % of its spread",
+            f"because the angle that is simulated drifts by {100 * drifting:.0f} % of its spread",
         )
-    return cut(dataset, None, "because no controller is declared and the first model's angle stays near")
+    return cut(dataset, None, "because no controller is declared and the angle that is simulated stays near")
 
 
 def simulated_fit(model: Model, dataset: DataSet, windows: Windows | None = None) -> SimulatedFit:

@@ -13,11 +13,13 @@ from .summary import percent
 #: Least simulated fit (percent) of every velocity of the recordings fitted to from which a model follows
 #: them.
 FOLLOWED = 50.0
+#: Share of that fit below which other recordings are not followed.
+APART = 0.1
 
 
 def apart(proof: Proof) -> dict[str, Any] | None:
-    """For the result file: recordings of which no model follows all velocities any better than their means,
-    although one follows those that it was fitted to; None where there are none."""
+    """For the result file: recordings of which no model follows all velocities, or hardly better than their
+    means, although one follows those that it was fitted to; None where there are none."""
     followed = max(_worst(proof.fits[model]["estimation"]) for model in MODELS)  # NaN where none moves
     if not followed >= FOLLOWED:
         return None
@@ -26,7 +28,7 @@ def apart(proof: Proof) -> dict[str, Any] | None:
     for part in ("validation", "test"):
         for number, dataset in enumerate(proof.parts[part]):
             here = max(_worst([proof.fits[model][part][number]]) for model in MODELS)
-            if here < 0.0:
+            if here < APART * followed:
                 found.append(dataset.name)
                 best = max(best, here)
     if not found:

@@ -83,7 +83,10 @@ def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Re
         return _without(why, 0.5)
     doubted = next((c for c in result.choices if c.unsure), None)
     if doubted is not None:
-        return _without(f"nobody is sure of {placed(doubted.chosen.effect)}: {doubted.unsure}", 0.5)
+        return _without(
+            f"{placed(doubted.chosen.effect)} is not sure, and no experiment is known that would make it so "
+            f"({doubted.unsure}): record another motion, in both directions, and diagnose that", 0.5
+        )
     return _without("nothing is left to separate; a recording of another day shows whether it lasts", 1.0)
 
 

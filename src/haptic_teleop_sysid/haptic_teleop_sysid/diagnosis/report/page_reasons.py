@@ -116,6 +116,11 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
         )
     named = " and ".join(dict.fromkeys(f["effect"] for f in verdict.findings)) or "what is named"
     limited = f"Confidence is limited to {100 * surest:.0f} %:"
+    if found.nearly_all_torque:
+        return (
+            f"{limited} {named} explains {100 * found.least:.1f} % (mean square) of what is missing, but "
+            "predictions of the next sample ask for more."
+        )
     if found.explains_nearly_all and found.worse:
         return f"{limited} with {named} recordings are simulated worse than by your own model."
     if found.explains_nearly_all and found.follows is not None:

@@ -42,7 +42,7 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
              f"({_means(content, origin)}).",
              _simulate(content, augmented, origin)),
             (f"Compare it with your model, on {_compared_on(origin)}.",
-             _compare(augmented, origin)),
+             _compare(augmented, origin, content["fit"]["window_s"])),
             (f"{_experiment(content)}. {_recorded_by(content, origin)}",
              _record(content, origin)),
         ]
@@ -99,8 +99,10 @@ def _means(content: dict[str, Any], origin: Origin) -> str:
     return "one Python function; a simulated robot there is for the 2DSFJ and the Omni alone"
 
 
-def _compare(model: str, origin: Origin) -> str:
+def _compare(model: str, origin: Origin, window: float | None) -> str:
+    """Over windows as long as those of the page, so that it says the same."""
     words = ["haptic-teleop", "compare", "--model", origin.model, model, "--bag", *origin.judge]
+    words += ["--window", "whole" if window is None else f"{window:.6g}"]
     words += ["--mapping", origin.mapping] if origin.mapping else []
     return shlex.join([*words, "--allow-gaps", "--output", str(origin.output / "compare")])
 
