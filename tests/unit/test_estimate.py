@@ -10,6 +10,9 @@ from identification_plants import AXIS, STAGE, axis_recording, off, stage_record
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
+from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
+from haptic_teleop_sysid.estimation.graduated import STAGES, distrustful_noise
+from haptic_teleop_sysid.estimation.prediction_error import _without_derivatives
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -95,6 +98,22 @@ def test_every_method_comes_near_the_truth_of_an_easy_recording():
         found = estimate(start, [data], method)
         assert found.converged, (method, found.message)
         assert max(relative_errors(found, STAGE).values()) < 0.02, method
+
+
+def test_where_derivatives_lead_nowhere_a_search_without_them_ends_at_the_top():
+    """Those of a predictor at held noise levels leave out that its observer changes with the parameters."""
+    start = off(STAGE, 2, 0.05)
+    records = records_from(load_dataset(stage_recording(seconds=6.0), start))
+    noise = distrustful_noise(start, records, STAGES[-1])
+    names = ("motor_inertia", "motor_damping")
+    best = fit_parameters(start, noise, records, free=names, iterations=30)
+    stuck = fit_parameters(start, noise, records, free=names, iterations=1)
+    assert not stuck.converged and best.log_likelihood > stuck.log_likelihood + 1.0
+    found = _without_derivatives(stuck, records, None)
+    assert found.converged and found.log_likelihood > best.log_likelihood - 0.1
+    for name in names:
+        assert found.model.parameters[name] == pytest.approx(best.model.parameters[name], rel=0.01)
+    assert _without_derivatives(found, records, None) is found
 
 
 def test_of_several_starts_the_one_that_comes_nearest_is_followed_to_the_truth():

@@ -13,6 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
@@ -22,7 +24,7 @@ from haptic_teleop_sysid.simulation.windows import Windows
 
 from .gauss_newton import Fit, Limits, bounds, fit_parameters
 from .graduated import FEW_STEPS, STAGES, approach, distrustful_noise, fit_far_and_near
-from .likelihood import channels
+from .likelihood import channels, likelihood_of
 from .noise import NoiseModel, linearised, observer_gain
 from .progress import Progress, silent
 from .records import Record, records_from
@@ -30,6 +32,8 @@ from .result import Estimate, FarSighted, Misled
 from .riccati import exponential
 from .uncertainty import MEMORY, uncertainty
 from .whole_fit import fit_whole
+
+FloatArray = NDArray[np.float64]
 
 #: Further starts lie within this factor of the given one, either side.
 SPREAD = 3.0
@@ -42,8 +46,9 @@ NOTICEABLE = 0.02
 ALIKE = 0.1
 #: Nats from which parameters and noise levels fitted together have left a hollow.
 HOLLOW = 30.0
-#: Iterations of the far-sighted predictor once it is the one to believe.
-ITERATIONS = 60
+#: Iterations of the far-sighted predictor once it is the one to believe, and evaluations by parameter of a
+#: search without derivatives.
+ITERATIONS, MOST_TRIALS = 60, 60
 
 
 def prediction_error(
@@ -81,6 +86,7 @@ def prediction_error(
     memory = MEMORY
     if misled is not None:
         fit = fit_parameters(far.model, far.noise, records, iterations=ITERATIONS, limits=limits)
+        fit = _without_derivatives(fit, records, limits)
         memory = max(MEMORY, misled.ahead)
     if not np.isfinite(fit.log_likelihood):
         message = (
@@ -93,6 +99,38 @@ def prediction_error(
     return Estimate(
         fit.model, model, "prediction-error", fit.converged, fit.message, 0.0, fit.iterations, fit, unsure,
         likelihoods, misled=misled,
+    )  # fmt: skip
+
+
+def _without_derivatives(fit: Fit, records: Sequence[Record], limits: Limits | None) -> Fit:
+    """The fit, or where no step of its gained anything what a search without derivatives makes of it (Powell,
+    The Computer Journal 7, 1964). Those of a predictor at held noise levels leave out that its observer
+    changes with the parameters, and promise at the top what there is not."""
+    if fit.converged or not np.isfinite(fit.log_likelihood):
+        return fit
+    low, high = bounds(fit.model, fit.free, limits)
+    values = fit.model.parameter_values()
+    begin = np.array([values[name] for name in fit.free])
+    spread = 1.0 / np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    spread = np.minimum(spread, np.maximum(np.abs(begin), 1e-12))
+
+    def at(shift: FloatArray) -> Model:
+        theta = np.clip(begin + shift * spread, low, high)
+        return fit.model.with_values(dict(zip(fit.free, theta.tolist(), strict=True)))
+
+    found = scipy.optimize.minimize(
+        lambda shift: -likelihood_of(pack(at(shift)), fit.noise, records),
+        np.zeros(len(begin)),
+        method="Powell",
+        options={"maxfev": MOST_TRIALS * len(begin), "xtol": 0.1, "ftol": 1e-9},
+    )
+    if not -found.fun >= fit.log_likelihood:
+        return fit
+    message = "no step gains anything, and a search without derivatives ended there"
+    ended = bool(found.success)
+    return replace(
+        fit, model=at(found.x), log_likelihood=-float(found.fun), converged=ended,
+        message=message if ended else fit.message,
     )  # fmt: skip
 
 
