@@ -81,6 +81,14 @@ def test_a_log_without_an_input_is_not_to_be_mended_by_a_mapping(tmp_path, capsy
     assert ("mapping" in str(refused.value)) != lacks, "which helps where a column may be it"
 
 
+def test_columns_that_may_drive_are_offered_where_none_is_an_input_by_its_name(tmp_path, capsys):
+    header = ("time [s]", "leftSpeed [rad/s]", "leftCommand", "rightCommand")
+    log = table(tmp_path / "log.csv", header, (T, SPEED, TORQUE, TORQUE))
+    assert main([str(log), "--suggest"]) == 2
+    told = capsys.readouterr().err
+    assert "if 'leftCommand' or 'rightCommand' drives the joint, give it in a mapping" in told
+
+
 @pytest.mark.parametrize("lost", [1, 0])
 def test_an_input_and_a_time_that_are_left_over_are_guesses(tmp_path, capsys, lost):
     header = ("t [s]", "torque [Nm]", "clock [ms]", "current [A]", "q [deg]")

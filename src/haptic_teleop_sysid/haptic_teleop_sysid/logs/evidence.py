@@ -243,7 +243,10 @@ def _judge_derivative(
     elif found.ratio < 0.0:
         refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign.")
     elif not 0.8 < found.ratio < 1.25:
-        odd.append(f"{how}: is there a gear between the two?")
+        odd.append(
+            f"{how}: is there a gear between the two? Then give the velocity that as its gain; if it is "
+            "another joint's, leave it out"
+        )
 
 
 def _far(position: Signal) -> list[str]:

@@ -29,6 +29,8 @@ from haptic_teleop_sysid.logs.units import SHARE, unit_of
 
 #: Share of the rows that a time has to differ from the row before.
 _SELDOM = 0.01
+#: Columns that are offered where none is an input by its name.
+_FEW = 6
 
 
 def propose(log: Log, by_values: bool = True) -> Proposal:
@@ -233,6 +235,12 @@ def _no_input(unused: Sequence[Column], lost: Sequence[Candidate]) -> list[str]:
     empty = [c.column.unusable for c in lost if c.role == "input"]
     why = f" ({empty[0]})" if empty else ""
     what = "torque, force, current, voltage, PWM"
+    moving = [repr(c.name) for c in unused if not counts_rows(c) and not still(c.values)]
+    if moving and not why:
+        return [
+            f"there is no column that could be the input ({what}) by its name: if "
+            f"{' or '.join(moving[:_FEW])} drives the joint, give it in a mapping; else record it"
+        ]
     return [f"there is no column that could be the input ({what}){why}: record it"]
 
 
