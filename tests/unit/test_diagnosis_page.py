@@ -246,6 +246,13 @@ def test_a_recording_that_is_mostly_holes_is_said_in_the_first_lines():
     assert told == ("bad", f"poor: {little}. Record it again without holes.")
 
 
+def test_what_is_asked_about_a_recording_stands_among_the_first_lines():
+    asked = "joint.position, declared rad, turns by 44.9 turns: are these degrees?"
+    seen = {"good": ["it is cut apart at its holes"], "odd": [asked]}
+    told = [c for c in first_line("unknown", [], recordings=seen).verdicts if "odd: " in c[1]]
+    assert told == [("fair", f"odd: {asked}")]
+
+
 def test_an_encoder_whose_error_is_known_is_calibrated_before_more_is_recorded():
     experiment = once_calibrated("stage1_motor_encoder")
     todo = first_line("unknown", [], next_experiment=experiment, reading_error={}).conclusion[2]

@@ -58,6 +58,9 @@ def lead(
     for name, seen in content.get("recordings", {}).items():
         for problem in (one for one in seen if one.startswith(ONLY)):
             page.verdict("bad", f"{name}: {problem}. Record it again without holes.")
+        # A unit, a sign or a column that is asked about comes before what follows from it.
+        for problem in (one for one in seen if "?" in one):
+            page.verdict("fair", f"{name}: {problem.rstrip('.')}")
     if "doubt" in content:
         page.verdict("fair", f"Why no name is given: {content['doubt']}.")
     if (instead := content.get("stand_in")) is not None:
