@@ -87,10 +87,14 @@ def test_an_input_that_brakes_in_every_recording_is_the_doubt(tmp_path):
     assert f"haptic-teleop import {turned[0]} --suggest" in doubt
     assert diagnosis_run.with_input_sign(told | {"verdict": "identified"}, data)["doubt"] == told["doubt"]
     # A joint that falls over is braked by what holds it up: where that has a name, the sign is right.
-    held_up = told | {"findings": [{"effect": "gravity", "confidence": 0.69}]}
-    assert diagnosis_run.with_input_sign(held_up, data)["doubt"] == told["doubt"]
+    spring = {"effect": "spring_to_ground", "confidence": 0.44}
+    for sure, others in ((0.69, []), (0.45, [spring])):
+        gravity = {"effect": "gravity", "confidence": sure, "alternatives": others}
+        held_up = told | {"findings": [gravity]}
+        assert diagnosis_run.with_input_sign(held_up, data)["doubt"] == told["doubt"]
     # A name that is less likely than not does not say that the sign is right.
-    late = told | {"findings": [{"effect": "input_delay", "confidence": 0.27}]}
+    delay = {"effect": "input_delay", "confidence": 0.27, "alternatives": []}
+    late = told | {"findings": [delay]}
     assert diagnosis_run.with_input_sign(late, data)["doubt"] == doubt
     right = write_log(tmp_path / "right.csv")
     data.append(load_dataset(open_recording(right), model(), right))

@@ -169,7 +169,7 @@ def content(robot="sfj", joint="stage1", excitation=None, **changes):
         "joint": joint,
         "verdict": "identified",
         "findings": [finding()],
-        "fit": {"window_s": 4.0, "given": fits, "baseline": fits, "augmented": better},
+        "fit": {"given": fits, "baseline": fits, "augmented": better},
         "worse_than_given": None,
         "augmented_model": {"holds": "augmented", "what": "your structure, with what was found"},
         "parameters_moved": [],
@@ -415,7 +415,9 @@ def test_each_command_is_one_that_its_program_takes(robot, joint, table, excitat
     page, output = Page("t"), tmp_path / "a folder"
     learn, check = LOGS
     scenario = None if table is None or excitation is None else output / "scenario.yaml"
-    origin = Origin("my models/lab.yaml", learn, check, check, output, scenario=scenario)
+    origin = Origin(
+        "my models/lab.yaml", learn, check, check, output, scenario=scenario, windows=(4.0, 4.0)
+    )
     steps(page, content(robot, joint, excitation), origin)
     assert not any("`" in what for what, _ in page.sections[0].blocks[0].rows), "a page sets no code in text"
     rows = page.sections[0].blocks[0].rows

@@ -219,6 +219,9 @@ def test_torques_without_a_scale_are_told_before_what_follows_from_it(tmp_path, 
     assert without_scale(friction)
     assert not without_scale(replace(friction, fixed=("stage1_motor.coulomb_friction.torque",)))
     assert not without_scale(replace(friction, fixed=("torque_constant",)))
+    payload = loose.with_effects(Effect("payload_change", "stage1_arm", {"time": 3.0, "inertia": 0.05}))
+    held = "stage1_arm.payload_change.inertia"
+    assert without_scale(payload) and not without_scale(replace(payload, fixed=(held,)))
     zero = replace(loose, parameters={**loose.parameters, "arm_damping": 0.0}, fixed=("arm_damping",))
     assert without_scale(zero), "nothing is no scale"
     bag = write_recording(tmp_path / "bag", stage_recording(seconds=6.0).topics, {})

@@ -124,11 +124,20 @@ def test_a_suggestion_finds_the_unit_of_time_by_its_steps(tmp_path, capsys, unit
 
 
 @pytest.mark.parametrize(
-    ("rate", "scale", "unit"), [(19.2, 1.0, "s"), (10.0, 1e3, "ms"), (1000.0, 1e6, "us")]
+    ("rate", "scale", "unit", "or_else"),
+    [
+        (19.2, 1.0, "s", "in ms it has 1.92e+04 rows"),
+        (10.0, 1e3, "ms", "in us it has 1e+04 rows"),
+        (1000.0, 1e6, "us", ""),
+        (1000.0, 1e3, "ms", ""),
+        (1e4, 1.0, "s", ""),
+    ],
 )
-def test_a_slow_log_is_not_a_thousand_times_faster(rate, scale, unit):
-    """19 rows a second are likelier than 19000."""
-    assert guess_time(scale * np.arange(300) / rate, "").unit == unit
+def test_a_slow_log_comes_before_one_that_is_a_thousand_times_faster(rate, scale, unit, or_else):
+    """19 rows a second are likelier than 19000, which are not excluded."""
+    guess = guess_time(scale * (5.0 + np.arange(300) / rate), "")
+    assert guess.unit == unit and or_else in guess.why
+    assert guess.sure == ("guessed" if or_else else "likely")
 
 
 def test_a_speed_that_was_recorded_is_no_input_where_another_column_drives(tmp_path, capsys):
@@ -137,6 +146,20 @@ def test_a_speed_that_was_recorded_is_no_input_where_another_column_drives(tmp_p
     log = table(tmp_path / "log.csv", ("c1", "c2", "c3", "c4"), (T, rate, np.degrees(ANGLE), TORQUE))
     out = suggested(log, tmp_path, capsys).out
     assert "input: {column: c4" in out and "position: {column: c3" in out
+
+
+@pytest.mark.parametrize("beside", ["arm", "acceleration"])
+def test_an_input_that_the_speed_follows_closely_is_no_measured_speed(tmp_path, capsys, beside):
+    """A geared drive: what is asked of it is nearly its speed. Neither a second position nor an acceleration
+    drives it."""
+    t = 0.002 * np.arange(5000)
+    angle = np.sin(2.0 * t) + 0.3 * np.sin(5.1 * t)
+    speed, acceleration = np.gradient(angle, t), np.gradient(np.gradient(angle, t), t)
+    volt = 3.0 * speed + 0.05 * acceleration
+    noise = np.random.default_rng(1).normal(size=len(t))
+    other = 0.98 * angle + 1e-3 * noise if beside == "arm" else acceleration + 0.5 * noise
+    log = table(tmp_path / "log.csv", ("c1", "c2", "c3", "c4"), (t, volt, angle, other))
+    assert "input: {column: c2" in suggested(log, tmp_path, capsys).out
 
 
 def test_a_suggestion_for_what_says_all_needs_no_mapping(tmp_path, capsys):

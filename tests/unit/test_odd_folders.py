@@ -217,8 +217,14 @@ def test_a_result_is_never_written_over_what_is_read(tmp_path, capsys):
     before = model.read_bytes()
     assert export.main(["--model", str(model), "--to", "python", "--output", str(model), "--overwrite"]) == 2
     assert model.read_bytes() == before
+    driven = ["--bag", str(log), "--output", str(log), "--overwrite"]
+    before = log.read_bytes()
+    assert export.main(["--model", str(model), "--to", "python", *driven]) == 2
+    assert log.read_bytes() == before
     bag = tmp_path / "bag"
     assert import_log.main([str(log), "--output", str(bag)]) == 0
+    inside = ["--output", str(bag / "metadata.yaml"), "--overwrite"]
+    assert model_from_log.main(["--from", str(bag), *inside]) == 2
     capsys.readouterr()
     kept = sorted(p.name for p in bag.iterdir())
     assert estimate.main(["--model", str(model), "--bag", str(bag), "--output", str(bag)]) == 2

@@ -16,7 +16,7 @@ from .simulate import acting, series_or_zeros
 FloatArray = NDArray[np.float64]
 
 #: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivity_steps.py``); those that are
-#: not used take no time.
+#: not used take no time, and more than this the general way through a step.
 ROOM = 32
 
 #: Effects that change the torque before anything moves.

@@ -36,9 +36,10 @@ def run(argv: list[str]) -> int:
     """Do what the arguments say; returns the exit status."""
     arguments = _parser().parse_args(argv)
     model = load_model(arguments.model)
+    read = [one for one in (arguments.model, arguments.bag, arguments.mapping) if one]
+    for result in (Path(arguments.output), _beside(Path(arguments.output))):
+        refuse_inputs(result, read)
     output = _claim(Path(arguments.output), arguments.overwrite)
-    refuse_inputs(output, [arguments.model])
-    refuse_inputs(_beside(output), [arguments.model])
     file = exported(model, arguments.to, arguments.timestep)
     progress = Console(stderr=True)
     with progress.status("simulating with and without"):

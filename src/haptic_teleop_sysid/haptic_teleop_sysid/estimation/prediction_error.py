@@ -22,7 +22,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.simulation.windows import Windows
 
-from .gauss_newton import Fit, Limits, bounds, fit_parameters
+from .gauss_newton import Fit, Limits, at_bound, bounds, fit_parameters, most_substeps, substeps
 from .graduated import FEW_STEPS, STAGES, approach, distrustful_noise, fit_far_and_near
 from .likelihood import channels, likelihood_of
 from .noise import NoiseModel, linearised, observer_gain
@@ -103,35 +103,47 @@ def prediction_error(
 
 
 def _without_derivatives(fit: Fit, records: Sequence[Record], limits: Limits | None) -> Fit:
-    """The fit, or where no step of its gained anything what a search without derivatives makes of it (Powell,
-    The Computer Journal 7, 1964). Those of a predictor at held noise levels leave out that its observer
-    changes with the parameters, and promise at the top what there is not."""
+    """The fit, or where its steps did not end at the top what a search without derivatives makes of it
+    (Powell, The Computer Journal 7, 1964). Those of a predictor at held noise levels leave out that its
+    observer changes with the parameters, and promise at the top what there is not."""
     if fit.converged or not np.isfinite(fit.log_likelihood):
         return fit
     low, high = bounds(fit.model, fit.free, limits)
     values = fit.model.parameter_values()
     begin = np.array([values[name] for name in fit.free])
     spread = 1.0 / np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    spread = np.minimum(spread, np.maximum(np.abs(begin), 1e-12))
+    spread = np.where(begin != 0.0, np.minimum(spread, np.abs(begin)), spread)
+    allowed = most_substeps(fit.model, records)
+
+    def values_at(shift: FloatArray) -> FloatArray:
+        return np.clip(begin + shift * spread, low, high)
 
     def at(shift: FloatArray) -> Model:
-        theta = np.clip(begin + shift * spread, low, high)
-        return fit.model.with_values(dict(zip(fit.free, theta.tolist(), strict=True)))
+        return fit.model.with_values(dict(zip(fit.free, values_at(shift).tolist(), strict=True)))
+
+    def cost(shift: FloatArray) -> float:
+        model = at(shift)
+        if substeps(model, records) > allowed:
+            return np.inf
+        return -likelihood_of(pack(model), fit.noise, records)
 
     found = scipy.optimize.minimize(
-        lambda shift: -likelihood_of(pack(at(shift)), fit.noise, records),
+        cost,
         np.zeros(len(begin)),
         method="Powell",
         options={"maxfev": MOST_TRIALS * len(begin), "xtol": 0.1, "ftol": 1e-9},
     )
     if not -found.fun >= fit.log_likelihood:
         return fit
-    message = "no step gains anything, and a search without derivatives ended there"
     ended = bool(found.success)
     return replace(
-        fit, model=at(found.x), log_likelihood=-float(found.fun), converged=ended,
-        message=message if ended else fit.message,
-    )  # fmt: skip
+        fit,
+        model=at(found.x),
+        log_likelihood=-float(found.fun),
+        converged=ended,
+        message="converged without derivatives" if ended else fit.message,
+        at_bound=at_bound(fit.free, values_at(found.x), low, high),
+    )
 
 
 def _led_out(

@@ -26,6 +26,8 @@ _FEW = 8
 _DERIVED, _DRIVES, _DRIVES_ALONE = 0.98, 0.3, 0.6
 #: Correlation with the speed from which a column is a measured one, if another column can be the input.
 _SPEED = 0.98
+#: Correlation with the derivative of a velocity from which a column is an acceleration: those are noisy.
+_LIKE_A_RATE = 0.7
 #: Rows over which a position is smoothed before it is differentiated.
 _WINDOW = 21
 
@@ -114,7 +116,12 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
         return []
     share, speed_alone, position, drive = best
     # A column that is the speed and nothing else is measured, if the same motion explains another one, too.
-    others = [t for t in tried if t[2] is position and t[3] is not drive and t[0] > _DRIVES]
+    # A second position and an acceleration drive nothing.
+    others = [
+        t for t in tried
+        if t[2] is position and t[3] is not drive and t[0] >= _DRIVES_ALONE
+        and not _together(position, t[3]) and not _rate_of(time, drive, t[3])
+    ]  # fmt: skip
     if speed_alone and others:
         share, _, _, drive = max(others, key=lambda t: t[0])
     why = f"by its values: the motion of {position.name!r} explains {100.0 * share:.0f} % of {drive.name!r}"
@@ -134,6 +141,12 @@ def _proportional(drive: Array, speed: Array) -> bool:
     return bool(np.std(drive) > 0.0 and np.std(speed) > 0.0) and (
         abs(float(np.corrcoef(drive, speed)[0, 1])) > _SPEED
     )
+
+
+def _rate_of(time: Array, velocity: Column, other: Column) -> bool:
+    """Whether a column is the derivative of what may be a velocity, by any factor."""
+    found = derivative_relation(time, velocity.values[: len(time)], other.values[: len(time)])
+    return found is not None and abs(found.alike) > _LIKE_A_RATE
 
 
 def _share(drive: Array, time: Array, speed: Array) -> float:

@@ -244,7 +244,7 @@ def _judge_derivative(
         refuted.append(f"{_of(velocity)} is the derivative of {_of(position)} with the other sign.")
     elif not 0.8 < found.ratio < 1.25:
         odd.append(
-            f"{how}: is there a gear between the two? Then give the velocity that as its gain; if it is "
+            f"{how}: is there a gear between the two? Then multiply the velocity's gain by that; if it is "
             "another joint's, leave it out"
         )
 

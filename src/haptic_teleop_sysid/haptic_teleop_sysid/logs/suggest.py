@@ -235,7 +235,9 @@ def _no_input(unused: Sequence[Column], lost: Sequence[Candidate]) -> list[str]:
     empty = [c.column.unusable for c in lost if c.role == "input"]
     why = f" ({empty[0]})" if empty else ""
     what = "torque, force, current, voltage, PWM"
-    moving = [repr(c.name) for c in unused if not counts_rows(c) and not still(c.values)]
+    moving = [
+        repr(c.name) for c in unused if candidate(c) is None and not counts_rows(c) and not still(c.values)
+    ]
     if moving and not why:
         return [
             f"there is no column that could be the input ({what}) by its name: if "

@@ -16,8 +16,6 @@ def claim_output_directory(directory: str | Path, result_name: str, overwrite: b
     or cannot be written.
     """
     path = Path(directory)
-    if (path / "metadata.yaml").exists():
-        raise ConfigurationError(f"--output {path} is a recording: choose another --output.")
     if (path / result_name).exists() and not overwrite:
         raise ConfigurationError(
             f"{path} already holds the {result_name} of an earlier run: choose another --output, or say "
@@ -28,9 +26,10 @@ def claim_output_directory(directory: str | Path, result_name: str, overwrite: b
 
 
 def refuse_inputs(output: Path, inputs: Iterable[str | Path]) -> None:
-    """ConfigurationError where a run would write its result over what it reads."""
-    for one in inputs:
-        if output.exists() and Path(one).exists() and output.samefile(one):
+    """ConfigurationError where a run would write its result over what it reads, or into a recording."""
+    for one in map(Path, inputs):
+        over = output.exists() and one.exists() and output.samefile(one)
+        if over or (one.is_dir() and output.parent.exists() and output.parent.samefile(one)):
             raise ConfigurationError(
                 f"--output {output} is what this run reads, and would be lost: choose another --output."
             )
@@ -76,7 +75,10 @@ def _inside(path: Path) -> dict[Path, int]:
 
 
 def make_output_directory(path: Path) -> None:
-    """Make the folder `path` where it is missing; ConfigurationError where it cannot be one."""
+    """Make the folder `path` where it is missing; ConfigurationError where it cannot be one, or is a
+    recording."""
+    if path.is_dir() and any(p.suffix in (".mcap", ".db3") and p.is_file() for p in path.iterdir()):
+        raise ConfigurationError(f"--output {path} is a recording: choose another --output.")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -75,7 +75,9 @@ def with_input_sign(content: dict[str, Any], data: Sequence[DataSet]) -> dict[st
     """The content of a diagnosis, whose doubt is an input that seems to have the opposite sign, where nothing
     has a name that is more likely than not, and it does: the mismatch is then of another kind than what the
     recordings were asked for."""
-    likely = any(finding["confidence"] >= 0.5 for finding in content["findings"])
+    likely = any(
+        f["confidence"] + sum(a["confidence"] for a in f["alternatives"]) >= 0.5 for f in content["findings"]
+    )
     backwards = reversed_input(data) if content["verdict"] == "unknown" and not likely else None
     if backwards is None:
         return content
@@ -123,6 +125,10 @@ def diagnose_into(
     learn, choose, judge = (
         tuple(d.name for d in data) for data in (estimation, validation, test or validation or estimation)
     )
-    origin = Origin(model.source, learn, choose, judge, output, options.mapping, bool(test), scenario)
+    judged = proof.fits["baseline"][proof.best_part]
+    windows = tuple(fit.windows.seconds for fit in judged)
+    origin = Origin(
+        model.source, learn, choose, judge, output, options.mapping, bool(test), scenario, windows
+    )
     page = diagnosis_page(result, verdict, content, proof, records_of(estimation), units, origin)
     return content, page.write(output / "report.html")

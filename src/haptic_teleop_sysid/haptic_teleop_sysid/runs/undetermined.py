@@ -31,7 +31,14 @@ def without_scale(model: Model) -> bool:
         f"{e.location}.{e.effect}.{p.name}": p.unit for e in model.effects for p in e.entry.parameters
     }
     held = {n: v for n, v in model.parameter_values().items() if n not in free and v != 0.0}
-    return not any(n in STRUCTURES[model.structure] or "N*m" in units.get(n, "") for n in held)
+    if any(e.table is not None for e in model.effects):
+        return False
+    return not any(n in STRUCTURES[model.structure] or _scales(units.get(n, "")) for n in held)
+
+
+def _scales(unit: str) -> bool:
+    """Whether what has this unit grows with all torques."""
+    return "N*m" in unit or "kg*m^2" in unit
 
 
 def what_determines(model: Model, name: str) -> str:

@@ -20,7 +20,8 @@ class Origin:
     """What a diagnosis was made from, as it was named on the command line: the ``model`` file, the recordings
     for ``estimation``, for ``validation``, and that ``judge``, the ``mapping`` of logs; the folder
     ``output``; ``unused``: whether those that judge were neither fitted to nor chosen by; ``scenario``: a
-    file that simulates the robot with the model that is handed on, where there is one."""
+    file that simulates the robot with the model that is handed on, where there is one; ``windows``: length of
+    those over which each that judges was simulated, s, None for the whole."""
 
     model: str
     estimation: tuple[str, ...]
@@ -30,6 +31,7 @@ class Origin:
     mapping: str | None = None
     unused: bool = False
     scenario: Path | None = None
+    windows: tuple[float | None, ...] = ()
 
 
 def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
@@ -42,7 +44,7 @@ def steps(page: Page, content: dict[str, Any], origin: Origin) -> None:
              f"({_means(content, origin)}).",
              _simulate(content, augmented, origin)),
             (f"Compare it with your model, on {_compared_on(origin)}.",
-             _compare(augmented, origin, content["fit"]["window_s"])),
+             _compare(augmented, origin)),
             (f"{_experiment(content)}. {_recorded_by(content, origin)}",
              _record(content, origin)),
         ]
@@ -99,10 +101,11 @@ def _means(content: dict[str, Any], origin: Origin) -> str:
     return "one Python function; a simulated robot there is for the 2DSFJ and the Omni alone"
 
 
-def _compare(model: str, origin: Origin, window: float | None) -> str:
-    """Over windows as long as those of the page, so that it says the same."""
+def _compare(model: str, origin: Origin) -> str:
+    """Over windows as long as those of the page where these are alike, so that it says the same."""
     words = ["haptic-teleop", "compare", "--model", origin.model, model, "--bag", *origin.judge]
-    words += ["--window", "whole" if window is None else f"{window:.6g}"]
+    if len({*origin.windows}) == 1:
+        words += ["--window", "whole" if origin.windows[0] is None else f"{origin.windows[0]:.6g}"]
     words += ["--mapping", origin.mapping] if origin.mapping else []
     return shlex.join([*words, "--allow-gaps", "--output", str(origin.output / "compare")])
 
