@@ -25,6 +25,7 @@ TURN = 2.0 * math.pi
         (("kgf*cm",), 0.0980665, "torque"),
         (("lbf*in",), 0.112984829, "torque"),
         (("mm/s",), 1e-3, "velocity"),
+        (("dps", "deg/s"), TURN / 360, "angular velocity"),
         (("mA",), 1e-3, "current"),
         (("counts", "ticks", "inc"), 1.0, "count"),
         (("%", "percent", "pct"), 0.01, "share of full drive"),

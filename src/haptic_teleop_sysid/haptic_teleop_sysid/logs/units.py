@@ -37,6 +37,7 @@ _WHOLE: dict[str, tuple[float, dict[str, int]]] = {
     "gon": (_TURN / 400.0, {"rad": 1}),
     "rpm": (_TURN / 60.0, {"rad": 1, "s": -1}),
     "rps": (_TURN, {"rad": 1, "s": -1}),
+    "dps": (_TURN / 360.0, {"rad": 1, "s": -1}),
     "Nmm": (1e-3, {"N": 1, "m": 1}),
     "Ncm": (1e-2, {"N": 1, "m": 1}),
     "kgf": (9.80665, {"N": 1}),
