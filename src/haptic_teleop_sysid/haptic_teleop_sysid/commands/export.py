@@ -37,9 +37,7 @@ def run(argv: list[str]) -> int:
     arguments = _parser().parse_args(argv)
     model = load_model(arguments.model)
     read = [one for one in (arguments.model, arguments.bag, arguments.mapping) if one]
-    for result in (Path(arguments.output), _beside(Path(arguments.output))):
-        refuse_inputs(result, read)
-    output = _claim(Path(arguments.output), arguments.overwrite)
+    output = _claim(Path(arguments.output), read, arguments.overwrite)
     file = exported(model, arguments.to, arguments.timestep)
     progress = Console(stderr=True)
     with progress.status("simulating with and without"):
@@ -77,10 +75,11 @@ def _beside(output: Path) -> Path:
     return output.with_name(output.name + ".json")
 
 
-def _claim(output: Path, overwrite: bool) -> Path:
+def _claim(output: Path, read: list[str], overwrite: bool) -> Path:
     if output.is_dir():
         raise ConfigurationError(f"--output {output} is a directory: name a file in it.")
     for path in (output, _beside(output)):
+        refuse_inputs(path, read)
         if path.exists() and not overwrite:
             raise ConfigurationError(f"{path} exists: choose another --output, or say --overwrite.")
     try:
