@@ -5,7 +5,7 @@ import pytest
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import INITIAL, pack, predict, simulate
-from haptic_teleop_sim.kernel.predict import ROOM
+from haptic_teleop_sim.kernel.build import kernel
 from haptic_teleop_sim.model import Effect, Model
 
 DT = 2e-3
@@ -147,14 +147,10 @@ def test_the_contact_of_a_sticking_friction_has_exact_sensitivities(monkeypatch)
     test_sensitivities_equal_central_differences(FLEXIBLE, "coulomb_friction", "motor")
 
 
-MEMORIES = [
-    ("presliding_friction", "stage1_arm"),
-    ("hysteresis", "stage1_joint"),
-    ("presliding_friction", "stage1_motor"),
-]
+MEMORIES = [("presliding_friction", "stage1_arm"), ("hysteresis", "stage1_joint")]
 
 
-@pytest.mark.parametrize("memories", range(4))
+@pytest.mark.parametrize("memories", range(3))  # more go the general way whatever else they do
 def test_all_ways_through_a_step_have_the_same_derivatives(memories):
     """Steps for up to two memories and a number of columns that compilers know, for any number of both, and
     by one matrix: each has those of the last, which the differences above judge."""
@@ -168,7 +164,7 @@ def test_all_ways_through_a_step_have_the_same_derivatives(memories):
         options = {"gain": gain, "decay": (0.99, 0.98), "gain_slopes": held, "initial_state": START}
         return predict(pack(model), signals()[0], measured, DT, free, **options).d_innovation
 
-    few, many = derivatives(model, len(free)), derivatives(model, ROOM + 1)
+    few, many = derivatives(model, len(free)), derivatives(model, kernel().PITCH + 1)
     # An effect with own states that does nothing, and so takes the way for them.
     idle = Effect("extra_flexible_mode", "stage1_arm", {**VALUES["extra_flexible_mode"], "inertia": 1e-12})
     general = derivatives(model.with_effects(idle), len(free))

@@ -93,7 +93,7 @@ def kernel() -> ModuleType:
     others = {_PACKAGE / "kernel" / name for name in beside}
     own = {*(_PACKAGE / "effects").glob("*.py"), *(_PACKAGE / "kernel").glob("*.py")} - others
     name = f"haptic_teleop_kernel_{_fingerprint(*sorted(own))}"
-    return _module(name, _kernel_source, "the plant kernels, once for this set of effects (some 20 s)")
+    return _module(name, _kernel_source, "the plant kernels, once for this set of effects (some 30 s)")
 
 
 @lru_cache(maxsize=1)

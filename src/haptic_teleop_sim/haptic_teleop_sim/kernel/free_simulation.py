@@ -11,7 +11,7 @@ from haptic_teleop_control.filters import velocity_coefficients
 
 from .build import free_runs
 from .pack import Packed
-from .predict import ROOM
+from .predict import INITIAL, zero_sensitivities
 from .simulate import Readings, readings, series_or_zeros
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +63,7 @@ def nearest_starts(
         (*both, filtered, coefficients),
         ENOUGH,
         MOST_TRIALS,
-        np.zeros((packed.states, ROOM)),
+        zero_sensitivities(packed.states, len(INITIAL)),
     )
     return states
 

@@ -15,10 +15,6 @@ from .simulate import acting, series_or_zeros
 
 FloatArray = NDArray[np.float64]
 
-#: Columns of sensitivities come in multiples of this (`PITCH` in ``sensitivity_steps.py``); those that are
-#: not used take no time, and more than this the general way through a step.
-ROOM = 32
-
 #: Effects that change the torque before anything moves.
 _BEFORE_THE_MOTION = frozenset(e.name for e in EFFECTS.values() if e.kind == "input")
 
@@ -86,7 +82,7 @@ def predict(
         torque_slopes.append(by_torque)
         moment_slopes.append(by_moment)
 
-    s = np.zeros((packed.states, -(-ncol // ROOM) * ROOM))
+    s = zero_sensitivities(packed.states, ncol)
     skew_col = np.full(2, -1, dtype=np.int64)
     for column, name in enumerate(free):
         if name in INITIAL:
@@ -195,6 +191,13 @@ def predict(
         d_states,
     )
     return Prediction(innovation, d_innovation, states, d_states)
+
+
+def zero_sensitivities(states: int, columns: int) -> FloatArray:
+    """Zeros (states, room for so many columns): the compiled loops take PITCH of them at the speed of those
+    that are used, and more by a slower way that has no limit."""
+    pitch = kernel().PITCH
+    return np.zeros((states, -(-columns // pitch) * pitch))
 
 
 def _columns(series: list[FloatArray], n: int) -> FloatArray:

@@ -113,7 +113,7 @@ def sensitive_scratch(s, used):
     used."""
     n, wide = s.shape
     z, dz, sums = np.zeros(n), np.zeros(n), np.zeros(n)
-    by_state, by_parameter = np.zeros((4, n, n)), np.zeros((4, max(n, 8), wide))
+    by_state, by_parameter = np.zeros((4, n, n)), np.zeros((4, max(n, ROWS), wide))
     by_start, began = np.zeros((4, 4, 2)), np.zeros((2, wide))
     stage, total, changes = np.zeros((n, wide)), np.zeros((n, wide)), np.zeros((n, wide))
     rows, flat = s.reshape(n * wide), by_parameter.reshape(by_parameter.size)

@@ -1,7 +1,6 @@
 """Compiled: the rates with their exact derivatives.
 
-Joined to `integrator.py`, where state and arrays are described; not imported by itself. The derivatives are
-those of the discrete solution: every stage of the state's step is differentiated, so nothing is approximated.
+Joined to `integrator.py`, where state and arrays are described; not imported by itself.
 """
 
 # ruff: noqa: F821

@@ -12,15 +12,16 @@ from __future__ import annotations
 # <the text below joins the kernel>
 
 
-#: Columns for which sensitivities have room (`predict.ROOM`).
-PITCH = 32
+#: Columns of sensitivities, used or not, and rows of derivatives by parameters, for which `step_columns` is
+#: compiled: six states of the joint and two memories.
+PITCH, ROWS = 32, 8
 
 
 @inner
 def step_columns(s, n, used, h, rigid, a, by_start, b):
     """One Runge-Kutta step of the first ``used`` columns of the sensitivities in place, from the four stages'
     derivatives of the rates: ``a`` by the states (4, n, n), ``by_start`` by the angles at the start of the
-    step (4, 4, 2) and ``b`` by the parameters (4, 8, PITCH), with the sensitivities of the disturbances in
+    step (4, 4, 2) and ``b`` by the parameters (4, ROWS, PITCH), with the sensitivities of the disturbances in
     its first two rows. ``s`` (n, PITCH) and ``b`` lie row after row. Of the n states two at most are memories
     of effects, whose other states none has.
 
@@ -34,7 +35,7 @@ def step_columns(s, n, used, h, rigid, a, by_start, b):
     arm = 0.0 if rigid else 1.0
     m = n - 2
     one, two = 1.0 if n > 6 else 0.0, 1.0 if n > 7 else 0.0
-    b0, b1, b2, b3 = 2 * PITCH, 10 * PITCH, 18 * PITCH, 26 * PITCH
+    b0, b1, b2, b3 = 2 * PITCH, (2 + ROWS) * PITCH, (2 + 2 * ROWS) * PITCH, (2 + 3 * ROWS) * PITCH
     a020, a021, a022, a023, a024 = a[0, 2, 0], a[0, 2, 1], a[0, 2, 2], a[0, 2, 3], a[0, 2, m]
     a030, a031, a032, a033, a034 = a[0, 3, 0], a[0, 3, 1], a[0, 3, 2], a[0, 3, 3], a[0, 3, n - 1]
     a120, a121, a122, a123, a124 = a[1, 2, 0], a[1, 2, 1], a[1, 2, 2], a[1, 2, 3], a[1, 2, m]
@@ -98,7 +99,7 @@ def step_sensitivities(s, rows, used, h, rigid, by_state, by_start, by_parameter
     but memories: `step_columns`, or where it has no room `step_many_sensitivities`, whose scratch comes last.
     ``rows`` and ``flat`` are ``s`` and ``by_parameter`` row after row."""
     n = s.shape[0]
-    if n < 9 and s.shape[1] == PITCH:
+    if n <= ROWS and s.shape[1] == PITCH:
         for c in range(used):
             flat[c], flat[PITCH + c] = s[n - 2, c], s[n - 1, c]
         step_columns(rows, n, used, h, rigid, by_state, by_start, flat)
