@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.logs.evidence import NEAR, derivative_relation, relation, still
+from haptic_teleop_sysid.logs.evidence import NEAR, Relation, derivative_relation, relation, still
 from haptic_teleop_sysid.logs.guess import PAIRS
 from haptic_teleop_sysid.logs.log import Column
 from haptic_teleop_sysid.logs.roles import Candidate
@@ -111,7 +111,8 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
             continue
         speed = np.asarray(scipy.signal.savgol_filter(values[0], _WINDOW, 3, deriv=1, delta=step))
         smooth = np.asarray(scipy.signal.savgol_filter(values[1], _WINDOW, 3))
-        tried.append((_share(smooth, time, speed), _proportional(smooth, speed), position, drive))
+        measured = _alike(relation(smooth, speed), _SPEED)
+        tried.append((_share(smooth, time, speed), measured, position, drive))
     if not tried or (best := max(tried, key=lambda t: t[0]))[0] < _DRIVES_ALONE:
         return []
     share, speed_alone, position, drive = best
@@ -120,7 +121,7 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
     others = [
         t for t in tried
         if t[2] is position and t[3] is not drive and t[0] >= _DRIVES_ALONE
-        and not _together(position, t[3]) and not _rate_of(time, drive, t[3])
+        and not _together(position, t[3]) and not _alike(_rate(time, drive, t[3]), _LIKE_A_RATE)
     ]  # fmt: skip
     if speed_alone and others:
         share, _, _, drive = max(others, key=lambda t: t[0])
@@ -136,17 +137,13 @@ def _without_velocity(columns: Sequence[Column], time: Array) -> list[Candidate]
     ]
 
 
-def _proportional(drive: Array, speed: Array) -> bool:
-    """Whether an input says next to nothing that the speed does not."""
-    return bool(np.std(drive) > 0.0 and np.std(speed) > 0.0) and (
-        abs(float(np.corrcoef(drive, speed)[0, 1])) > _SPEED
-    )
+def _alike(found: Relation | None, least: float) -> bool:
+    return found is not None and abs(found.alike) > least
 
 
-def _rate_of(time: Array, velocity: Column, other: Column) -> bool:
-    """Whether a column is the derivative of what may be a velocity, by any factor."""
-    found = derivative_relation(time, velocity.values[: len(time)], other.values[: len(time)])
-    return found is not None and abs(found.alike) > _LIKE_A_RATE
+def _rate(time: Array, velocity: Column, other: Column) -> Relation | None:
+    """How a column goes along with the derivative of a velocity."""
+    return derivative_relation(time, velocity.values[: len(time)], other.values[: len(time)])
 
 
 def _share(drive: Array, time: Array, speed: Array) -> float:
@@ -164,7 +161,7 @@ def _share(drive: Array, time: Array, speed: Array) -> float:
 
 
 def _acceleration(time: Array, velocity: Column, other: Column) -> bool:
-    found = derivative_relation(time, velocity.values[: len(time)], other.values[: len(time)])
+    found = _rate(time, velocity, other)
     return found is not None and found.alike > _DERIVED and abs(found.ratio - 1.0) < NEAR
 
 

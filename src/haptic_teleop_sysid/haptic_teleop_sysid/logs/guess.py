@@ -54,8 +54,8 @@ class TimeGuess:
 
 def guess_time(values: Array, stated: str) -> TimeGuess | None:
     """The time that a column tells; None where it does not go up all along. A unit that is not stated is
-    drawn from the steps: joints are logged 5 to 20000 times a second, and
-    slow ones more often than those that are quicker than 5000."""
+    drawn from the steps: joints are logged 5 to 20000 times a second. What
+    other units would make of the same steps is told."""
     good = values[np.isfinite(values)]
     if len(good) < 10 or np.mean(np.diff(good) > 0.0) < 0.9:
         return None
@@ -75,8 +75,9 @@ def guess_time(values: Array, stated: str) -> TimeGuess | None:
         return TimeGuess((values - good[0]), "s", "guessed", f"steps of {step:.3g} fit no usual rate")
     unit = likely[0] if not (whole and "ms" in likely) else "ms"
     sure = "likely" if len(likely) == 1 else "guessed"
-    told = ", ".join(f"in {u} it has {rates[u]:.4g} rows a second" for u in [unit, *set(likely) - {unit}])
-    return TimeGuess((values - good[0]) * _SCALES[unit], unit, sure, told)
+    told = [unit, *(u for u in likely if u != unit)]
+    why = ", ".join(f"in {u} it has {rates[u]:.4g} rows a second" for u in told)
+    return TimeGuess((values - good[0]) * _SCALES[unit], unit, sure, why)
 
 
 def guess_units(
