@@ -10,9 +10,9 @@ from identification_plants import AXIS, STAGE, axis_recording, off, stage_record
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
+from haptic_teleop_sysid.estimation.derivative_free import searched_without_derivatives
 from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
 from haptic_teleop_sysid.estimation.graduated import STAGES, distrustful_noise
-from haptic_teleop_sysid.estimation.prediction_error import _without_derivatives
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -109,11 +109,11 @@ def test_where_derivatives_lead_nowhere_a_search_without_them_ends_at_the_top():
     best = fit_parameters(start, noise, records, free=names, iterations=30)
     stuck = fit_parameters(start, noise, records, free=names, iterations=1)
     assert not stuck.converged and best.log_likelihood > stuck.log_likelihood + 1.0
-    found = _without_derivatives(stuck, records, None)
+    found = searched_without_derivatives(stuck, records, None)
     assert found.converged and found.log_likelihood > best.log_likelihood - 0.1
     for name in names:
         assert found.model.parameters[name] == pytest.approx(best.model.parameters[name], rel=0.01)
-    assert _without_derivatives(found, records, None) is found
+    assert searched_without_derivatives(found, records, None) is found
 
 
 def test_of_several_starts_the_one_that_comes_nearest_is_followed_to_the_truth():

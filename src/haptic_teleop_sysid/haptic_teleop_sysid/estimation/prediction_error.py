@@ -13,8 +13,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
-from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
@@ -22,9 +20,10 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.simulation.windows import Windows
 
-from .gauss_newton import Fit, Limits, at_bound, bounds, fit_parameters, most_substeps, substeps
+from .derivative_free import searched_without_derivatives
+from .gauss_newton import Fit, Limits, bounds, fit_parameters
 from .graduated import FEW_STEPS, STAGES, approach, distrustful_noise, fit_far_and_near
-from .likelihood import channels, likelihood_of
+from .likelihood import channels
 from .noise import NoiseModel, linearised, observer_gain
 from .progress import Progress, silent
 from .records import Record, records_from
@@ -32,8 +31,6 @@ from .result import Estimate, FarSighted, Misled
 from .riccati import exponential
 from .uncertainty import MEMORY, uncertainty
 from .whole_fit import fit_whole
-
-FloatArray = NDArray[np.float64]
 
 #: Further starts lie within this factor of the given one, either side.
 SPREAD = 3.0
@@ -46,9 +43,8 @@ NOTICEABLE = 0.02
 ALIKE = 0.1
 #: Nats from which parameters and noise levels fitted together have left a hollow.
 HOLLOW = 30.0
-#: Iterations of the far-sighted predictor once it is the one to believe, and evaluations by parameter of a
-#: search without derivatives.
-ITERATIONS, MOST_TRIALS = 60, 60
+#: Iterations of the far-sighted predictor once it is the one to believe.
+ITERATIONS = 60
 
 
 def prediction_error(
@@ -86,7 +82,7 @@ def prediction_error(
     memory = MEMORY
     if misled is not None:
         fit = fit_parameters(far.model, far.noise, records, iterations=ITERATIONS, limits=limits)
-        fit = _without_derivatives(fit, records, limits)
+        fit = searched_without_derivatives(fit, records, limits)
         memory = max(MEMORY, misled.ahead)
     if not np.isfinite(fit.log_likelihood):
         message = (
@@ -100,50 +96,6 @@ def prediction_error(
         fit.model, model, "prediction-error", fit.converged, fit.message, 0.0, fit.iterations, fit, unsure,
         likelihoods, misled=misled,
     )  # fmt: skip
-
-
-def _without_derivatives(fit: Fit, records: Sequence[Record], limits: Limits | None) -> Fit:
-    """The fit, or where its steps did not end at the top what a search without derivatives makes of it
-    (Powell, The Computer Journal 7, 1964). Those of a predictor at held noise levels leave out that its
-    observer changes with the parameters, and promise at the top what there is not."""
-    if fit.converged or not np.isfinite(fit.log_likelihood):
-        return fit
-    low, high = bounds(fit.model, fit.free, limits)
-    values = fit.model.parameter_values()
-    begin = np.array([values[name] for name in fit.free])
-    spread = 1.0 / np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    spread = np.where(begin != 0.0, np.minimum(spread, np.abs(begin)), spread)
-    allowed = most_substeps(fit.model, records)
-
-    def values_at(shift: FloatArray) -> FloatArray:
-        return np.clip(begin + shift * spread, low, high)
-
-    def at(shift: FloatArray) -> Model:
-        return fit.model.with_values(dict(zip(fit.free, values_at(shift).tolist(), strict=True)))
-
-    def cost(shift: FloatArray) -> float:
-        model = at(shift)
-        if substeps(model, records) > allowed:
-            return np.inf
-        return -likelihood_of(pack(model), fit.noise, records)
-
-    found = scipy.optimize.minimize(
-        cost,
-        np.zeros(len(begin)),
-        method="Powell",
-        options={"maxfev": MOST_TRIALS * len(begin), "xtol": 0.1, "ftol": 1e-9},
-    )
-    if not -found.fun >= fit.log_likelihood:
-        return fit
-    ended = bool(found.success)
-    return replace(
-        fit,
-        model=at(found.x),
-        log_likelihood=-float(found.fun),
-        converged=ended,
-        message="converged without derivatives" if ended else fit.message,
-        at_bound=at_bound(fit.free, values_at(found.x), low, high),
-    )
 
 
 def _led_out(
