@@ -10,6 +10,7 @@ from haptic_teleop_control.command_line import run_command
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.commands import diagnose, import_log
+from haptic_teleop_sysid.diagnosis.evidence.proof import MODELS
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import reported, tell
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -81,7 +82,10 @@ def test_diagnose_tells_of_the_unit_of_time_before_it_refuses(tmp_path, capsys):
 def test_an_input_that_brakes_in_every_recording_is_the_doubt(tmp_path):
     turned = [write_log(tmp_path / f"{n}.csv", sign=-1.0, seed=n) for n in (1, 2)]
     data = [load_dataset(open_recording(log), model(), log) for log in turned]
+    followed = {model: {"estimation": {"j_motor.position": 80.0}} for model in MODELS}
+    lost = {model: {"estimation": {"j_motor.position": -20.0}} for model in MODELS}
     told = {"verdict": "unknown", "findings": [], "doubt": "it has another size on the other recordings"}
+    told |= {"fit": followed}
     doubt = diagnosis_run.with_input_sign(told, data)["doubt"]
     assert doubt.startswith("the input seems to have the opposite sign")
     assert f"haptic-teleop import {turned[0]} --suggest" in doubt
@@ -96,6 +100,9 @@ def test_an_input_that_brakes_in_every_recording_is_the_doubt(tmp_path):
     delay = {"effect": "input_delay", "confidence": 0.27, "alternatives": []}
     late = told | {"findings": [delay]}
     assert diagnosis_run.with_input_sign(late, data)["doubt"] == doubt
+    # Nor does one, or one of several, with which no model follows the motion any better than its mean.
+    several = delay | {"alternatives": [{"effect": "sensor_delay", "confidence": 0.27}]}
+    assert diagnosis_run.with_input_sign(told | {"findings": [several], "fit": lost}, data)["doubt"] == doubt
     right = write_log(tmp_path / "right.csv")
     data.append(load_dataset(open_recording(right), model(), right))
     assert diagnosis_run.with_input_sign(told, data) == told

@@ -1,7 +1,7 @@
 """Maximise the likelihood over the parameters without derivatives (Powell, The Computer Journal 7, 1964).
 
-Derivatives of a predictor at held noise levels leave out that its observer changes with the parameters: at the
-top they promise a step that there is not.
+Derivatives of a predictor at held noise levels leave out that its observer changes with the parameters: at
+the top they promise a step that there is not.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from typing import Any
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
+from haptic_teleop_sysid.diagnosis.evidence.proof import MODELS
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import FILE
 from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_told
 from haptic_teleop_sysid.diagnosis.inputs.one_run import with_one_run_told
@@ -72,13 +73,16 @@ def write_suggestion(output: Path, content: dict[str, Any]) -> None:
 
 
 def with_input_sign(content: dict[str, Any], data: Sequence[DataSet]) -> dict[str, Any]:
-    """The content of a diagnosis, whose doubt is an input that seems to have the opposite sign, where nothing
-    has a name that is more likely than not, and it does: the mismatch is then of another kind than what the
-    recordings were asked for."""
+    """The content of a diagnosis, whose doubt is an input that seems to have the opposite sign, where it does
+    and nothing speaks for the sign: a name that is more likely than not, alone or with what it is not told
+    from, in a model that follows the motion. The mismatch is then of another kind than what the recordings
+    were asked for."""
     likely = any(
         f["confidence"] + sum(a["confidence"] for a in f["alternatives"]) >= 0.5 for f in content["findings"]
     )
-    backwards = reversed_input(data) if content["verdict"] == "unknown" and not likely else None
+    fits = [p for model in MODELS for p in content["fit"][model]["estimation"].values()]
+    right = likely and any(p > 0.0 for p in fits)
+    backwards = reversed_input(data) if content["verdict"] == "unknown" and not right else None
     if backwards is None:
         return content
     return content | {"input_sign": asdict(backwards), "doubt": backwards.sentence}
