@@ -73,6 +73,8 @@ def test_no_moment_is_asked_for_where_the_input_has_none(monkeypatch):
     real, handed = module.kernel(), []
 
     class Watched:
+        PITCH = real.PITCH
+
         def predict_series(self, *given):
             handed.append(given[10].shape)
             real.predict_series(*given)
