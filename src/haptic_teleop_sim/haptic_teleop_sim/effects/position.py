@@ -93,7 +93,7 @@ GRAVITY = EffectEntry(
     spring=lambda p: p["torque"] * math.cos(p["phase"]),
     condition="{q}",
     follows="angle",
-    separated=(("spring_to_ground", "move through more than 60 degrees, or rotate the base"),),
+    separated=(("spring_to_ground", "move farther than recorded (60 degrees at least), or rotate the base"),),
     practical=noticeable("torque"),
     families=_PULL,
     equivalents=(Equivalent("spring_to_ground", _BOTH, _as_spring, condition=_SMALL_ANGLES),),

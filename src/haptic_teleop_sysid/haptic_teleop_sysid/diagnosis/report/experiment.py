@@ -45,6 +45,8 @@ class Suggestion:
     why: str
     signal_generator: dict[str, object]
     expected_discrimination: float
+    #: Least and greatest angle of the motor in its simulation, in the unit of the recordings.
+    travel: tuple[float, float]
 
 
 def menu(model: Model, scales: Scales, period: float) -> list[dict[str, object]]:
@@ -164,15 +166,15 @@ def suggest(
     first: Fit, second: Fit, names: tuple[str, str], record: Record, scales: Scales
 ) -> Suggestion | None:
     """The excitation of the menu that separates two fitted models best; None when none could be simulated."""
-    found = [(told_apart(first, second, made), option) for option, made in _made(first, record, scales)]
+    found = [(told_apart(first, second, made), option, made) for option, made in _made(first, record, scales)]
     if not found:
         return None
-    nats, option = max(found, key=lambda one: one[0])
+    nats, option, made = max(found, key=lambda one: one[0])
     why = (
         f"separates {names[0]} from {names[1]}: their log-likelihoods are expected to differ by {nats:.0f} "
         f"after {SECONDS:.0f} s"
     )
-    return Suggestion(why, option, probability(nats))
+    return Suggestion(why, option, probability(nats), _travel(made))
 
 
 def sharpen(fit: Fit, parameter: str, size: float, record: Record, scales: Scales) -> Suggestion | None:
@@ -184,13 +186,18 @@ def sharpen(fit: Fit, parameter: str, size: float, record: Record, scales: Scale
         if np.isfinite(value):
             error = standard_errors(replace(fit, information=information)).get(parameter, np.inf)
             if 0.0 < error < np.inf:
-                found.append((error, option))
+                found.append((error, option, made))
     if not found or not size > 0.0:
         return None
-    error, option = min(found, key=lambda one: one[0])
+    error, option, made = min(found, key=lambda one: one[0])
     share = 100.0 * max(error / size, _form(fit, parameter))
     why = f"{SECONDS:.0f} s of it are expected to give it to ± {share:.2g} %"
-    return Suggestion(why, option, probability(0.5 * (size / error) ** 2))
+    return Suggestion(why, option, probability(0.5 * (size / error) ** 2), _travel(made))
+
+
+def _travel(made: Record) -> tuple[float, float]:
+    """Least and greatest angle of the motor in a simulated experiment."""
+    return float(np.min(made.measured[:, 0])), float(np.max(made.measured[:, 0]))
 
 
 def _form(fit: Fit, parameter: str) -> float:

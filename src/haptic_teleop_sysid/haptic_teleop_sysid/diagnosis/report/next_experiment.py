@@ -146,8 +146,9 @@ def _unsure_sizes(verdict: Verdict) -> Iterator[tuple[float, str, float, str]]:
 
 
 def _told(found: Suggestion, why: str) -> dict[str, Any]:
+    low, high = found.travel
     return {
-        "why": why,
+        "why": f"{why}; simulated, the motor stays between {low:.3g} and {high:.3g} rad",
         "signal_generator": found.signal_generator,
         "expected_discrimination": found.expected_discrimination,
     }
