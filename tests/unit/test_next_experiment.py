@@ -200,8 +200,9 @@ def test_a_size_that_is_not_well_known_is_something_to_record_for(stage):
     assert found.signal_generator == told["signal_generator"]
     # And whoever runs it reads before how far the motor will go.
     made = simulated_experiment(fit, found.signal_generator, record, result.scales)
-    assert found.travel == (made.measured[:, 0].min(), made.measured[:, 0].max())
-    assert told["why"].endswith(f"the motor stays between {found.travel[0]:.3g} and {found.travel[1]:.3g} rad")
+    low, high = found.travel
+    assert (low, high) == (made.measured[:, 0].min(), made.measured[:, 0].max())
+    assert told["why"].endswith(f"the motor stays between {low:.3g} and {high:.3g} rad")
 
 
 def test_a_name_that_nobody_is_sure_of_says_what_to_record(stage):
