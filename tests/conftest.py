@@ -39,7 +39,7 @@ its kind would only wait; these wait for nodes most of their time, and at the en
 them."""
 
 LONG = (
-    "test_verify_simulation.py", "test_diagnosis_doubt.py", "test_second_opinion.py", "test_blind.py",
+    "test_verify_simulation.py", "test_diagnosis_doubt.py", "test_second_method.py", "test_blind.py",
     "test_blind_labels.py", "test_unnamed_physics.py", "test_diagnosis_forms.py", "test_diagnosis_events.py",
     "test_audit.py", "test_decompression_limits.py", "test_verify.py", "test_site_browser.py",
     "test_report_browser.py", "test_pages_of_commands.py", "test_many_recordings.py",

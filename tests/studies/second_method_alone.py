@@ -16,7 +16,7 @@ from pathlib import Path
 
 from haptic_teleop_sim.model import load_model
 from haptic_teleop_sysid.blind.sealing import open_labels, sealed_digest
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.runs.diagnosis_run import load
@@ -28,7 +28,7 @@ def said(case: Path) -> list[list[str]]:
     """Names, strongest first, for each threshold."""
     model = load_model(str(case / "model.yaml"))
     learn, judge = (records_of([load(str(case / part), model)]) for part in ("estimation", "validation"))
-    levels = witness(model, learn, judge, recording_scales(model, learn)).levels
+    levels = search_groups(model, learn, judge, recording_scales(model, learn)).levels
     found = []
     for least in THRESHOLDS:
         names, gain = list[str](), 0.0

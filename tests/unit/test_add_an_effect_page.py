@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from stepped_machines import DT, RIGID, drive, record
 
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry, EffectParameter, locations
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "add_an_effect.md"
@@ -45,7 +45,7 @@ def test_the_entry_is_found_by_the_inverse_dynamics_without_a_word_about_it_anyw
     assert locations(added.name, "rigid_body") == ("motor",)
     recordings = [dragged(seed) for seed in (0, 1)]
     scales = recording_scales(RIGID, recordings)
-    found = witness(RIGID, recordings[:1], recordings[1:], scales)
+    found = search_groups(RIGID, recordings[:1], recordings[1:], scales)
     (effect,) = found.levels[0][0].effects
     assert (effect.effect, effect.location) == (added.name, "j_motor")
     assert effect.parameters["coefficient"] == pytest.approx(DRAG, rel=0.05)

@@ -13,7 +13,7 @@ from haptic_teleop_sysid.diagnosis.decision.beside_the_others import earned, wit
 from haptic_teleop_sysid.diagnosis.decision.corroborated import Corroboration
 from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.tuning import initial_noise
@@ -187,7 +187,7 @@ def test_what_the_inverse_dynamics_name_they_fit_again_without_one_of_it():
     like = fit_whole(RIGID, initial_noise(pack(RIGID), records[:1]), records[:1], iterations=1)
     final = replace(like, model=RIGID.with_effects(WEIGHT, RUB, STOP))
     choices = tuple(Choice(Explanation(final, 50.0, 20.0, True, i), 0.9) for i in range(3))
-    said = witness(RIGID, records[:1], records[1:], scales)
-    result = SearchResult(like, final, choices, (), scales, witness=said)
+    said = search_groups(RIGID, records[:1], records[1:], scales)
+    result = SearchResult(like, final, choices, (), scales, searched=said)
     found = {e.effect: e.values["torque"] for e in without(result, STOP, records[:1]).model.effects}
     assert found == {"gravity": pytest.approx(2.0, rel=0.03), "coulomb_friction": pytest.approx(0.4, rel=0.1)}

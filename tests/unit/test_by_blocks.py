@@ -13,8 +13,8 @@ from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
 from haptic_teleop_sysid.diagnosis.decision.measured_input import of_measured_input
 from haptic_teleop_sysid.diagnosis.evidence.by_blocks import BLOCKS, by_blocks, chance, seen_steadily
-from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
 from haptic_teleop_sysid.estimation.likelihood import likelihood_of
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 
 NONE = np.zeros((2, BLOCKS))

@@ -16,7 +16,7 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import (
     recording_scales,
     within_reach,
 )
-from haptic_teleop_sysid.estimation.gauss_newton import bounds
+from haptic_teleop_sysid.estimation.step_limits import bounds
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
 CONSTANT = {"torque_constant": MODEL.parameters["torque_constant"]}

@@ -9,7 +9,7 @@ from stepped_machines import RIGID, pendulum
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.corroborated import Corroboration
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
@@ -24,13 +24,13 @@ SKEW = Effect("channel_skew", "j_motor_encoder", {"delay": 0.001})
 def asked():
     """How a pendulum with friction, whose free runs say nothing, answers for an effect beside gravity."""
     here, there = (pendulum(s, coulomb=0.3, weight=2.0) for s in (0, 1))
-    said = witness(RIGID, [here], [there], recording_scales(RIGID, [here]))
-    opinion = SimpleNamespace(witness=said, chosen=None)
+    said = search_groups(RIGID, [here], [there], recording_scales(RIGID, [here]))
+    second_method = SimpleNamespace(searched=said, chosen=None)
     like = fit_whole(RIGID, initial_noise(pack(RIGID), [here]), [here], iterations=1)
 
-    def answer(effect, *beside, errors=lambda model: (0.5, 0.5), opinion=opinion):
+    def answer(effect, *beside, errors=lambda model: (0.5, 0.5), second_method=second_method):
         fits = [replace(like, model=RIGID.with_effects(*e)) for e in (beside, (*beside, effect))]
-        return Corroboration(errors, opinion)(fits[1], fits[0], effect)
+        return Corroboration(errors, second_method)(fits[1], fits[0], effect)
 
     return answer
 
@@ -63,7 +63,7 @@ def test_free_runs_must_err_less_than_with_as_few_names_of_the_inverse_dynamics(
         group = SimpleNamespace(model=RIGID.with_effects(*named), effects=named)
         other = SimpleNamespace(chosen=SimpleNamespace(group=group, errors=(errs, errs)))
         better = {0: 0.5, 1: 0.5, 2: 0.4}
-        return asked(SKEW, FRICTION, errors=lambda m: (better[len(m.effects)],) * 2, opinion=other)
+        return asked(SKEW, FRICTION, errors=lambda m: (better[len(m.effects)],) * 2, second_method=other)
 
     assert answer(WEIGHT, errs=0.5)
     assert not answer(WEIGHT, errs=0.42), "what errs as little does without it"
@@ -72,5 +72,5 @@ def test_free_runs_must_err_less_than_with_as_few_names_of_the_inverse_dynamics(
 
 
 def test_without_equations_of_motion_free_runs_decide_alone(asked):
-    assert not asked(FRICTION, WEIGHT, opinion=None)
-    assert asked(FRICTION, WEIGHT, opinion=None, errors=lambda m: (0.5 / len(m.effects),) * 2)
+    assert not asked(FRICTION, WEIGHT, second_method=None)
+    assert asked(FRICTION, WEIGHT, second_method=None, errors=lambda m: (0.5 / len(m.effects),) * 2)

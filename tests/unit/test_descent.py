@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from haptic_teleop_sysid.estimation.descent import Damping, Problem, maximise
+from haptic_teleop_sysid.estimation.gauss_newton import Damping, Problem, maximise
 
 DAMPED = Damping(first=1e-9, raised=1e-3, least=1e-9, tries=10)
 

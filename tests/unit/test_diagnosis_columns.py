@@ -16,7 +16,7 @@ from haptic_teleop_sysid.diagnosis.report.belonging import apart
 from haptic_teleop_sysid.diagnosis.report.beside_given import (
     beside_given,
     handed_on,
-    settled,
+    with_numerical_held,
     worse_than_given,
 )
 from haptic_teleop_sysid.diagnosis.report.columns import (
@@ -228,7 +228,7 @@ def test_fits_are_printed_whatever_they_are():
 def test_what_only_the_arithmetic_needs_is_held_in_the_model_that_is_handed_on():
     """A later estimate could not find anew how far a contact gives."""
     friction = Effect("coulomb_friction", "stage1_motor", {"torque": 0.2, "contact_angle": 3e-6})
-    wider = settled(replace(STAGE, effects=(friction,), fixed=("stiffness",)))
+    wider = with_numerical_held(replace(STAGE, effects=(friction,), fixed=("stiffness",)))
     assert wider.fixed == ("stiffness", "stage1_motor.coulomb_friction.contact_angle")
     assert "stage1_motor.coulomb_friction.torque" in wider.free_parameters()
-    assert settled(wider) == wider
+    assert with_numerical_held(wider) == wider

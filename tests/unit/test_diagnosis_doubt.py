@@ -367,12 +367,12 @@ def test_a_finding_that_spoils_the_simulation_leaves_something_unknown(monkeypat
     assert verdict.where[0]["condition"] in content["next_experiment"]["why"]
 
 
-def asked_beside(opinion, named):
-    """What is left of findings beside a second opinion, and what the recordings say of neither."""
+def asked_beside(second_method, named):
+    """What is left of findings beside a second method, and what the recordings say of neither."""
     nothing = dict.fromkeys(("chosen_by", "simulated")) | {"learn": [], "judge": [], "cutoff": 1.0}
     horizons = SimpleNamespace(errors=lambda _: (0.1, 0.1))
     explained = SimpleNamespace(
-        opinion=opinion, horizons=horizons, errors=horizons.errors, given=STAGE, **nothing
+        second_method=second_method, horizons=horizons, errors=horizons.errors, given=STAGE, **nothing
     )
     return questioning.questioned(explained, named, named, [])[0]
 
@@ -383,7 +383,7 @@ def asked_beside(opinion, named):
 def test_a_name_that_is_given_up_brings_up_the_next_but_physics_without_a_name_stays(
     monkeypatch, records, nameless, given_up, stands
 ):
-    """Asked with a second opinion that would stand: it does in place of a name, not of an answer."""
+    """Asked with a second method that would stand: it does in place of a name, not of an answer."""
     named = found(DRAG, records[0])
     choice = named.choices[0]
     bare = replace(named, choices=(), final=named.baseline, nameless=choice if nameless else None)
@@ -393,9 +393,9 @@ def test_a_name_that_is_given_up_brings_up_the_next_but_physics_without_a_name_s
     monkeypatch.setattr(questioning, "misread", lambda result, *_: (result, None))
     monkeypatch.setattr(questioning, "believed_instead", lambda *_: False)
     monkeypatch.setattr(questioning, "stands_next", lambda *_: True)
-    monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second opinion", None))
+    monkeypatch.setattr(questioning, "as_result", lambda *_: ("the second method", None))
     result = asked_beside(object(), named)
-    assert (result == "the second opinion") == stands
+    assert (result == "the second method") == stands
 
 
 @pytest.mark.parametrize(

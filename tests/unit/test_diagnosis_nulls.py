@@ -117,10 +117,10 @@ def test_nulls_go_through_the_diagnosis_itself(stage, monkeypatch):
         result = SearchResult(fit, fit, (), (), recording_scales(STAGE, records_of([other])))
         records = [records_of(part) for part in (estimation, validation)]
         course = explaining.Course.of(fit.model, [*estimation, *validation])
-        testimony = explaining.witness(model, *records, result.scales)
-        opinion = explaining.second_opinion(testimony, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
+        said = explaining.search_groups(model, *records, result.scales)
+        second_method = explaining.judge_groups(said, result.scales, lambda m: (0.5, 0.5), (0.5, 0.5))
         horizons = explaining.Horizons((course,), 1)
-        parts = (course, horizons, result, result, False, opinion, 10.0)
+        parts = (course, horizons, result, result, False, second_method, 10.0)
         return explaining.Explained(model, *records, *parts)
 
     monkeypatch.setattr(input_times, "explain", explain)

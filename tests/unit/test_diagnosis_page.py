@@ -16,12 +16,12 @@ from haptic_teleop_sysid.commands import acquire, compare, diagnose, export, ver
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
+from haptic_teleop_sysid.diagnosis.report.inverse_dynamics import second_method_sentence
 from haptic_teleop_sysid.diagnosis.report.next_experiment import once_calibrated
 from haptic_teleop_sysid.diagnosis.report.page_law import law_curve, law_curves, law_plot
 from haptic_teleop_sysid.diagnosis.report.page_lead import lead
 from haptic_teleop_sysid.diagnosis.report.page_reasons import reasons
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin, steps
-from haptic_teleop_sysid.diagnosis.report.testimony import second_method
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import Page
 
@@ -460,7 +460,7 @@ def test_what_a_second_method_says_for_and_against_stands_beside_how_sure_it_is(
         agrees = set(own) == set(named) if own else None
         found = {"agrees": agrees, "verdict_from_here": from_here, "groups": [{"effects": effects}]}
         findings = [{"effect": e, "location": p} for e, p in named]
-        return second_method({"inverse_dynamics": found, "findings": findings})
+        return second_method_sentence({"inverse_dynamics": found, "findings": findings})
 
     gap, drag, pull = ("backlash", "j"), ("quadratic_drag", "m"), ("gravity", "m")
     assert said([gap], [gap]).endswith("names the same.")
@@ -469,4 +469,4 @@ def test_what_a_second_method_says_for_and_against_stands_beside_how_sure_it_is(
     assert "names quadratic_drag at m instead: take the answer with care" in said([drag], [gap])
     assert "names less instead" in said([gap], [gap, pull])
     assert "names nothing" in said([], [gap])
-    assert "failed" in second_method({"inverse_dynamics": None, "findings": []})
+    assert "failed" in second_method_sentence({"inverse_dynamics": None, "findings": []})

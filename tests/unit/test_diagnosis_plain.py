@@ -15,7 +15,7 @@ from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within
 from haptic_teleop_sysid.diagnosis.starts.plain import plain
 from haptic_teleop_sysid.diagnosis.starts.shadows import _at_rest, shadows, with_shadows
 from haptic_teleop_sysid.diagnosis.starts.trials import polish, with_contact
-from haptic_teleop_sysid.estimation.gauss_newton import bounds
+from haptic_teleop_sysid.estimation.step_limits import bounds
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 

@@ -10,7 +10,7 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.starts.screen import _by_differences
 from haptic_teleop_sysid.diagnosis.starts.trials import _in_currents
-from haptic_teleop_sysid.estimation import gauss_newton
+from haptic_teleop_sysid.estimation import prediction_fit
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
@@ -68,11 +68,11 @@ def test_a_fit_ends_where_steps_promise_what_they_do_not_hold(monkeypatch):
         asked.append(model)
         return np.eye(count), np.full(count, (100.0 / count) ** 0.5), 0.01 * len(asked)
 
-    monkeypatch.setattr(gauss_newton, "normal_equations", equations)
+    monkeypatch.setattr(prediction_fit, "normal_equations", equations)
     record = joint_record(4)
     for tolerance, steps in ((1.0, 1), (0.01, 5)):
         asked.clear()
-        found = gauss_newton.fit_parameters(
+        found = prediction_fit.fit_parameters(
             MODEL, NoiseModel(0.1, 0.1, 1e-4, 1e-4), [record], iterations=5, tolerance=tolerance
         )
         assert (found.iterations, found.converged) == (steps, steps == 1)

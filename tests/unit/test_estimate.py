@@ -11,8 +11,8 @@ from haptic_teleop_control.errors import ModelError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.estimation.derivative_free import searched_without_derivatives
-from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters
 from haptic_teleop_sysid.estimation.graduated import STAGES, distrustful_noise
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.recordings.dataset import load_dataset

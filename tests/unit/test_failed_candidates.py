@@ -16,7 +16,7 @@ from haptic_teleop_sysid.diagnosis.starts.scan import scan
 from haptic_teleop_sysid.diagnosis.starts.screen import screen
 from haptic_teleop_sysid.diagnosis.starts.shortlist import shortlist
 from haptic_teleop_sysid.diagnosis.starts.trials import best_of_each
-from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters, normal_equations
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.05})

@@ -10,7 +10,7 @@ from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.diagnosis.evidence.null_records import null_record
 from haptic_teleop_sysid.estimation import first_state
 from haptic_teleop_sysid.estimation.first_state import from_first_state
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.records import Record, piece
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch

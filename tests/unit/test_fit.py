@@ -14,7 +14,7 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 from haptic_teleop_sysid.recordings.velocity_series import velocity_series
 from haptic_teleop_sysid.simulation.fit import choose_windows, fit_percent, simulated_fit
-from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters
+from haptic_teleop_sysid.simulation.parameter_fit import fit_output_error
 from haptic_teleop_sysid.simulation.windows import closed_loop, cut
 
 MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH)
@@ -216,7 +216,7 @@ def test_least_squares_finds_the_true_parameters():
     guess = {**TRUTH, "motor_inertia": 0.08, "motor_damping": 2.0, "arm_inertia": 0.14, "arm_damping": 0.05}
     model = replace(MODEL, parameters=guess, fixed=("stiffness", "torque_constant"))
     dataset = dataset_of()
-    found = fit_parameters(model, [(dataset, cut(dataset, 2.5, ""))])
+    found = fit_output_error(model, [(dataset, cut(dataset, 2.5, ""))])
     assert found.converged
     for name in ("motor_inertia", "motor_damping", "arm_inertia", "arm_damping"):
         assert found.model.parameters[name] == pytest.approx(TRUTH[name], rel=0.01, abs=1e-3)
@@ -234,7 +234,7 @@ def test_standard_errors_are_those_of_the_linearised_problem_under_white_noise()
         noisy[:, :2] += sigma * random.standard_normal((N, 2))
         dataset = load_dataset(joint_recording(CURRENT, noisy), MODEL, "made")
         dataset = replace(dataset, motor_position=noisy[:, 0], arm_position=noisy[:, 1])
-        found = fit_parameters(model, [(dataset, cut(dataset, None, ""))])
+        found = fit_output_error(model, [(dataset, cut(dataset, None, ""))])
         stated.append([found.std[n] for n in names])
         assert found.model.parameters["arm_inertia"] == pytest.approx(TRUTH["arm_inertia"], rel=5e-3)
     # Columns by differences of the test's own integrator; each angle weighs by its spread, as in the fit.
@@ -253,7 +253,7 @@ def test_standard_errors_are_those_of_the_linearised_problem_under_white_noise()
 def test_with_everything_fixed_there_is_nothing_to_fit():
     dataset = dataset_of()
     with pytest.raises(ModelError, match="fixed"):
-        fit_parameters(replace(MODEL, fixed=tuple(TRUTH)), [(dataset, cut(dataset, None, ""))])
+        fit_output_error(replace(MODEL, fixed=tuple(TRUTH)), [(dataset, cut(dataset, None, ""))])
 
 
 def test_a_parameter_that_flees_is_named():
@@ -263,5 +263,5 @@ def test_a_parameter_that_flees_is_named():
     model = Model(
         "sfj", "stage1", "rigid_body", {"torque_constant": 8.925, "motor_inertia": 0.06, "motor_damping": 0.0}
     )
-    found = fit_parameters(replace(model, fixed=("torque_constant",)), [(dataset, cut(dataset, None, ""))])
+    found = fit_output_error(replace(model, fixed=("torque_constant",)), [(dataset, cut(dataset, None, ""))])
     assert found.fled == ("motor_inertia",)

@@ -16,11 +16,11 @@ from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import (
     turning_limits,
 )
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group
+from haptic_teleop_sysid.diagnosis.evidence.second_method import JudgedGroup
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_parameters
+from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_output_error
 from haptic_teleop_sysid.simulation.windows import cut
 
 INERTIA, DAMPING, WEIGHT, FRICTION, WITHIN = 0.14, 0.02, 3.0, 0.22, 0.08
@@ -53,7 +53,7 @@ def swung_up():
     )  # fmt: skip
 
 
-def heard(gravity, friction, inertia):
+def judged(gravity, friction, inertia):
     """What the inverse dynamics would have said."""
     effects = (
         Effect("gravity", "j_motor", {"torque": gravity, "phase": 0.0}),
@@ -61,7 +61,7 @@ def heard(gravity, friction, inertia):
     )
     model = RIGID.with_values({"motor_inertia": inertia, "motor_damping": 0.0}).with_effects(*effects)
     std = dict.fromkeys(model.free_parameters(), 0.01)
-    return Heard(Group(model, (), 50.0, 90.0, 0.9, std), 60.0, (0.5, 0.5))
+    return JudgedGroup(Group(model, (), 50.0, 90.0, 0.9, std), 60.0, (0.5, 0.5))
 
 
 def test_sizes_do_not_depend_on_where_the_search_began():
@@ -70,11 +70,11 @@ def test_sizes_do_not_depend_on_where_the_search_began():
     fastest = float(np.max(np.abs(data.motor_velocity)))
 
     def simulated(model):
-        return fit_parameters(model, [(data, windows)], turning_limits(model, fastest))
+        return fit_output_error(model, [(data, windows)], turning_limits(model, fastest))
 
     stuck = []
     for gravity, inertia in ((3.6, 0.19), (3.3, 0.16)):
-        start = heard(gravity, 0.15, inertia)
+        start = judged(gravity, 0.15, inertia)
         stuck.append(simulated(start.group.model).model.parameter_values()["j_motor.gravity.torque"])
         taken = sized_freely(start, simulated, lambda model: (0.01, 0.01), fastest).group.model
         found = taken.parameter_values()
@@ -88,7 +88,7 @@ def test_sizes_do_not_depend_on_where_the_search_began():
 
 
 def test_friction_sticks_unless_a_smoothed_sign_errs_clearly_less():
-    start, name = heard(3.0, 0.2, 0.14), "j_motor.coulomb_friction.torque"
+    start, name = judged(3.0, 0.2, 0.14), "j_motor.coulomb_friction.torque"
 
     def simulated(cost, fled=()):
         def fitted(model):

@@ -22,10 +22,10 @@ from haptic_teleop_sysid.diagnosis.decision.in_part import (
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.evidence.reversals import Jump
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import APART, Opinion
+from haptic_teleop_sysid.diagnosis.evidence.second_method import APART, SecondMethod
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.report.columns import column
@@ -35,15 +35,15 @@ FRICTION = Effect("coulomb_friction", "j_motor", {"torque": 0.4})
 VALLEY = Effect("gravity", "j_motor", {"torque": 0.8, "phase": 0.0})
 
 
-def opinion_of(**hidden):
+def second_method_of(**hidden):
     learn, judge = ([pendulum(seed, **hidden)] for seed in (0, 1))
-    return Opinion(None, (), witness(RIGID, learn, judge, recording_scales(RIGID, learn))), learn
+    return SecondMethod(None, (), search_groups(RIGID, learn, judge, recording_scales(RIGID, learn))), learn
 
 
 @pytest.fixture(scope="module")
 def notched():
     """A pendulum with dry friction and a detent, which has no name."""
-    return opinion_of(coulomb=0.4, detent=0.8)
+    return second_method_of(coulomb=0.4, detent=0.8)
 
 
 def stand_in_of(learn, *effects):
@@ -65,8 +65,8 @@ def group(gain, *effects):
 
 
 def test_friction_is_found_beside_a_torque_without_a_name(notched):
-    opinion, learn = notched
-    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
+    second_method, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, second_method)
     assert (found.effect.effect, found.index) == ("coulomb_friction", 1)
     assert found.effect.values["torque"] == pytest.approx(0.4, rel=0.05)
     assert found.rest.quantities == ("motor angle",)
@@ -79,9 +79,9 @@ def test_on_one_slow_sine_a_spring_is_judged_by_itself():
     for phase in (0.3, 2.0):
         torque = 1.5 * np.sin(2.0 * np.pi * 0.2 * DT * np.arange(10_000) + phase)
         sides.append([record(torque, swing(torque, 0.14, 0.35, 0.0, 20.0, 0.0, 0.0, 0.0)[:, None], 1e-4)])
-    opinion = Opinion(None, (), witness(RIGID, *sides, recording_scales(RIGID, sides[0])))
-    best = leading(opinion.witness)[0]
-    (found,) = found_one_by_one(best, opinion)
+    second_method = SecondMethod(None, (), search_groups(RIGID, *sides, recording_scales(RIGID, sides[0])))
+    best = leading(second_method.searched)[0]
+    (found,) = found_one_by_one(best, second_method)
     assert best.effects[0].effect in ("gravity", "spring_to_ground")
     assert found.rest is None and found.told().startswith("it explains")
     assert next(iter(found.effect.values.values())) == pytest.approx(20.0, rel=0.1)
@@ -89,9 +89,9 @@ def test_on_one_slow_sine_a_spring_is_judged_by_itself():
 
 
 def test_the_size_is_that_of_the_torque_and_what_free_runs_want_is_told(notched):
-    opinion, learn = notched
+    second_method, learn = notched
     other = replace(FRICTION, parameters={"torque": 0.5})
-    (found,) = found_in_part(stand_in_of(learn, other), RIGID, opinion)
+    (found,) = found_in_part(stand_in_of(learn, other), RIGID, second_method)
     assert found.effect.values["torque"] == pytest.approx(0.4, rel=0.05)
     assert found.std["torque"] == pytest.approx(0.1 / 2**0.5, rel=0.3)
     assert "free runs with the names alone want torque 0.5" in found.told()
@@ -100,8 +100,8 @@ def test_the_size_is_that_of_the_torque_and_what_free_runs_want_is_told(notched)
 @pytest.mark.parametrize(("share", "stands"), [(0.95, True), (0.7, False)])
 def test_of_another_form_is_only_what_explains_much_less_than_a_curve(notched, monkeypatch, share, stands):
     """In a long recording a curve over the same quantity is always clearly better."""
-    opinion, learn = notched
-    folds = opinion.witness.folds
+    second_method, learn = notched
+    folds = second_method.searched.folds
     plain, one = folds.likelier, next(q for q in folds.latents if q.quantities == ("motor velocity",))
 
     def likelier(terms):
@@ -109,22 +109,22 @@ def test_of_another_form_is_only_what_explains_much_less_than_a_curve(notched, m
 
     monkeypatch.setattr(folds, "likelier", likelier)
     monkeypatch.setattr(folds, "adequacy_beside", lambda own, rest: share)
-    assert bool(found_in_part(stand_in_of(learn, FRICTION), RIGID, opinion)) is stands
+    assert bool(found_in_part(stand_in_of(learn, FRICTION), RIGID, second_method)) is stands
 
 
 def test_friction_that_is_not_there_is_not_found():
-    opinion, learn = opinion_of(detent=0.8)
-    assert found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion) == []
+    second_method, learn = second_method_of(detent=0.8)
+    assert found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, second_method) == []
 
 
 def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
-    opinion, learn = notched
+    second_method, learn = notched
     instead = stand_in_of(learn, VALLEY, FRICTION)
     given_up = Choice(Explanation(instead.fit, 50.0, 20.0, True, 0), 1.0)
     doubt = Doubt(given_up, "it explains too little", short=True)
     unknown = Verdict("unknown", [], [], [], [])
     result = result_of(instead.fit)
-    verdict = with_names(unknown, result, doubt, instead, opinion, learn, lambda model: {}, SEEN)
+    verdict = with_names(unknown, result, doubt, instead, second_method, learn, lambda model: {}, SEEN)
     assert verdict.kind == "unknown"
     (finding,) = verdict.findings
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
@@ -135,14 +135,14 @@ def test_the_verdict_stays_unknown_and_no_name_in_it_is_sure(notched):
 
 def test_where_nothing_of_the_stand_in_stands_what_explains_most_torque_is_asked(notched):
     """An actuator whose stand-in was a Stribeck friction: its Coulomb friction was not told."""
-    opinion, learn = notched
+    second_method, learn = notched
     instead = stand_in_of(learn, VALLEY)
     doubt = Doubt(Choice(Explanation(instead.fit, 50.0, 20.0, True, 0), 1.0), "too little", short=True)
     unknown = Verdict("unknown", [{"equation": "j_motor", "condition": "time"}], [], [], [])
-    parts = found_in_part(instead, RIGID, opinion)
+    parts = found_in_part(instead, RIGID, second_method)
     assert most_or_seen(parts, SEEN) == []
     result = result_of(instead.fit)
-    verdict = with_names(unknown, result, doubt, instead, opinion, learn, lambda model: {}, SEEN)
+    verdict = with_names(unknown, result, doubt, instead, second_method, learn, lambda model: {}, SEEN)
     (finding,) = verdict.findings
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
     assert verdict.where == unknown.where
@@ -154,11 +154,11 @@ def test_a_constant_torque_stands_beside_something_where_it_is_most_of_what_is_m
     kinds = [
         [replace(r, input=r.input + load) for r in [pendulum(seed, detent=0.8)]] for seed in (0, 1)
     ]
-    opinion = Opinion(None, (), witness(RIGID, *kinds, recording_scales(RIGID, kinds[0])))
+    second_method = SecondMethod(None, (), search_groups(RIGID, *kinds, recording_scales(RIGID, kinds[0])))
     fit = stand_in_of(kinds[0], VALLEY).fit
     unknown = Verdict("unknown", [], [], [], [])
     verdict = with_names(
-        unknown, result_of(fit), None, None, opinion, kinds[0], lambda model: {}, Turning()
+        unknown, result_of(fit), None, None, second_method, kinds[0], lambda model: {}, Turning()
     )
     told = [f for f in verdict.findings if f["effect"] == "constant_torque"]
     assert bool(told) is stands
@@ -177,11 +177,11 @@ def test_the_place_of_the_rest_is_that_of_a_torque_which_predicts_something(more
 
 
 def test_whatever_made_it_unknown_what_explains_most_torque_is_asked_whether_it_stands(notched):
-    opinion, learn = notched
+    second_method, learn = notched
     fit = stand_in_of(learn, FRICTION).fit
     unknown = Verdict("unknown", [{"equation": "j_motor", "condition": "time"}], [], [], [])
     doubt = Doubt(None, "something acts at some times and not at others", "time")
-    verdict = with_names(unknown, result_of(fit), doubt, None, opinion, learn, lambda model: {}, SEEN)
+    verdict = with_names(unknown, result_of(fit), doubt, None, second_method, learn, lambda model: {}, SEEN)
     (finding,) = verdict.findings
     assert (finding["effect"], finding["location"]) == ("coulomb_friction", "j_motor")
     size = finding["parameters"]["torque"]
@@ -190,21 +190,24 @@ def test_whatever_made_it_unknown_what_explains_most_torque_is_asked_whether_it_
     assert size["value"] == pytest.approx(0.4, rel=0.05)
     assert finding["confidence"] <= NOT_SURE
     assert verdict.where == unknown.where, "where and when it is, is what was said"
-    again = with_names(verdict, result_of(fit), doubt, None, opinion, learn, lambda model: {}, SEEN)
+    again = with_names(verdict, result_of(fit), doubt, None, second_method, learn, lambda model: {}, SEEN)
     assert again.findings == verdict.findings, "what is named already is not named twice"
 
 
 def test_nothing_is_named_where_nothing_has_a_name():
-    opinion, learn = opinion_of(detent=0.8)
+    second_method, learn = second_method_of(detent=0.8)
     fit = stand_in_of(learn, VALLEY).fit
     unknown = Verdict("unknown", [], [], [], [])
-    assert with_names(unknown, result_of(fit), None, None, opinion, learn, lambda model: {}, SEEN) == unknown
+    assert (
+        with_names(unknown, result_of(fit), None, None, second_method, learn, lambda model: {}, SEEN)
+        == unknown
+    )
     assert with_names(unknown, result_of(fit), None, None, None, learn, lambda model: {}, SEEN) is unknown
 
 
 def test_what_stands_must_be_most_of_what_is_missing_or_friction_that_nothing_contradicts(notched):
-    opinion, learn = notched
-    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
+    second_method, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, second_method)
     less = replace(found, share=0.2)
     drag = replace(less, effect=Effect("quadratic_drag", "j_motor", {"coefficient": 0.1}))
     most = replace(drag, share=0.55)
@@ -224,8 +227,8 @@ def test_what_stands_must_be_most_of_what_is_missing_or_friction_that_nothing_co
 
 def test_what_the_torques_do_not_tell_from_a_name_beside_unknown_is_told_with_it(notched):
     """A wheel that turns one way: its friction is a constant torque, too."""
-    opinion, learn = notched
-    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, opinion)
+    second_method, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, VALLEY, FRICTION), RIGID, second_method)
     constant = Effect("constant_torque", "j_motor", {"torque": -0.4})
     form = Effect("presliding_friction", "j_motor", {"torque": 0.4, "stiffness": 9.0})
     delay = Effect("input_delay", "j_actuator", {"delay": 0.01})
@@ -239,8 +242,8 @@ def test_what_the_torques_do_not_tell_from_a_name_beside_unknown_is_told_with_it
         group(39.5, constant, delay),  # another group altogether
         group(20.0, drag, VALLEY),  # clearly worse
     )
-    witness = SimpleNamespace(levels=((group(39.9, delay),), level))
-    one = in_part._with_rivals(found, best, witness)
+    searched = SimpleNamespace(levels=((group(39.9, delay),), level))
+    one = in_part._with_rivals(found, best, searched)
     ((other, share),) = one.others
     assert other == constant and one.known + share / one.adequacy == pytest.approx(1.0)
     assert one.known == pytest.approx(1.0 / (1.0 + np.exp(-1.0 / APART)))
@@ -253,10 +256,10 @@ def test_what_the_torques_do_not_tell_from_a_name_beside_unknown_is_told_with_it
 
 
 def test_one_torque_is_not_told_as_two_that_are_each_the_others_alternative(notched, monkeypatch):
-    opinion, learn = notched
+    second_method, learn = notched
     constant = Effect("constant_torque", "j_motor", {"torque": -0.4})
     fit = stand_in_of(learn, FRICTION).fit
-    (found,) = found_in_part(stand_in_of(learn, FRICTION), RIGID, opinion)
+    (found,) = found_in_part(stand_in_of(learn, FRICTION), RIGID, second_method)
     most = replace(found, share=0.8)
     other = replace(most, effect=constant, share=0.7)
     by_name = {
@@ -264,19 +267,19 @@ def test_one_torque_is_not_told_as_two_that_are_each_the_others_alternative(notc
         "constant_torque": [replace(other, others=((FRICTION, 0.4),))],
     }
     asked = [group(40.0, FRICTION), group(41.0, constant)]
-    monkeypatch.setattr(beside_unknown, "leading", lambda witness: asked)
+    monkeypatch.setattr(beside_unknown, "leading", lambda searched: asked)
     monkeypatch.setattr(beside_unknown, "found_one_by_one", lambda g, _: by_name[g.effects[0].effect])
     monkeypatch.setattr(beside_unknown, "fit_of", lambda *_: fit)
     unknown = Verdict("unknown", [], [], [], [])
-    verdict = with_names(unknown, result_of(fit), None, None, opinion, learn, lambda m: {}, Turning())
+    verdict = with_names(unknown, result_of(fit), None, None, second_method, learn, lambda m: {}, Turning())
     (told,) = verdict.findings
     assert told["effect"] == "coulomb_friction"
     assert [a["effect"] for a in told["alternatives"]] == ["constant_torque"]
 
 
 def test_friction_of_a_motion_that_never_turns_must_be_most_of_what_is_missing(notched):
-    opinion, learn = notched
-    (found,) = found_in_part(stand_in_of(learn, FRICTION), RIGID, opinion)
+    second_method, learn = notched
+    (found,) = found_in_part(stand_in_of(learn, FRICTION), RIGID, second_method)
     little = replace(found, share=0.26)
     assert most_or_seen([little], Turning()) == [little]
     assert most_or_seen([replace(little, everywhere=True)], Turning()) == []
@@ -289,13 +292,15 @@ def test_at_an_arm_that_stands_still_no_constant_is_judged():
         one = pendulum(seed)
         measured = np.column_stack([one.measured[:, 0], np.zeros(len(one))])
         made.append([replace(one, input=one.input + 2.0, measured=measured, resolution=(1e-5, 1e-5))])
-    opinion = Opinion(None, (), witness(ELASTIC, *made, recording_scales(ELASTIC, made[0])))
+    second_method = SecondMethod(None, (), search_groups(ELASTIC, *made, recording_scales(ELASTIC, made[0])))
     constant = Effect("constant_torque", "j_arm", {"torque": -2.0})
     group = SimpleNamespace(
         gain=9.0, effects=(constant,), hypotheses=(Hypothesis.resized(constant, "arm"),)
     )
-    assert not any(q.place == "arm" and "time" not in q.quantities for q in opinion.witness.folds.latents)
-    assert found_one_by_one(group, opinion) == []
+    assert not any(
+        q.place == "arm" and "time" not in q.quantities for q in second_method.searched.folds.latents
+    )
+    assert found_one_by_one(group, second_method) == []
 
 
 def test_the_best_group_of_each_size_is_asked_if_it_gains_anything():

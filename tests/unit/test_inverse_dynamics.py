@@ -12,18 +12,18 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.effect_variables import turning
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.groups import Search
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded, standing
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.regression import equations
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import family
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.records import Record
 
 
 def asked(model: Model, here: Record, there: Record):
-    return witness(model, [here], [there], recording_scales(model, [here]))
+    return search_groups(model, [here], [there], recording_scales(model, [here]))
 
 
 def best(found):
@@ -147,7 +147,7 @@ def test_a_torque_that_no_effect_describes_is_recoverable_and_not_explained():
     # Viscous friction that grows and falls with the angle.
     found = asked(hanging, *(pendulum(s, swirl=0.3, weight=4.0) for s in (0, 1)))
     assert found.recoverable > 0.8
-    assert found.shapeless[0].quantities == ("motor angle", "motor velocity")
+    assert found.free_curves[0].quantities == ("motor angle", "motor velocity")
     plain = Hypothesis.of(Effect("coulomb_friction", "j_motor", {"torque": 0.3}), "motor")
     assert found.folds.adequacies((plain,))[0] < 0.5
 
@@ -338,7 +338,7 @@ def test_a_short_stretch_between_two_holes_changes_neither_the_band_nor_what_is_
     assert len(equations(RIGID, [long, short], cutoff).motions) == 1
     assert len(equations(RIGID, [short], cutoff).motions) == 1
     scales = recording_scales(RIGID, [long])
-    found = [witness(RIGID, learn, [other], scales) for learn in ([long], [long, short])]
+    found = [search_groups(RIGID, learn, [other], scales) for learn in ([long], [long, short])]
     named = [g.effects[0] for one in found for g in one.levels[0]]
     torques = [e.values["torque"] for e in named if e.effect == "coulomb_friction"]
     assert torques[1] == pytest.approx(torques[0], rel=0.02)
@@ -476,7 +476,7 @@ def test_a_motor_that_cogs_is_seen_in_the_band_of_its_cogging():
     learn, judge = [cogging(0)], [cogging(1)]
     model = RIGID.with_values({"motor_inertia": 2.4e-4, "motor_damping": 0.016})
     assert motion_band([*learn, *judge]) > 31.0
-    said = witness(model, learn, judge, recording_scales(model, learn))
+    said = search_groups(model, learn, judge, recording_scales(model, learn))
     best = said.levels[0][0]
     (effect,) = best.effects
     assert (effect.effect, effect.values["order"]) == ("torque_ripple", 31.0)

@@ -5,8 +5,8 @@ import pytest
 from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics import kept
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.kept import Kept
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 
 
@@ -38,10 +38,10 @@ def test_what_was_not_asked_for_the_longest_makes_room(monkeypatch):
 def test_without_room_the_inverse_dynamics_say_the_same(monkeypatch, share):
     learn, judge = ([pendulum(seed, coulomb=0.3, weight=2.0)] for seed in (0, 1))
     scales = recording_scales(RIGID, learn)
-    whole = witness(RIGID, learn, judge, scales)
+    whole = search_groups(RIGID, learn, judge, scales)
     sides = [side.side for side in whole.folds.sides]
     monkeypatch.setattr(kept, "ROOM", int(share * max(part._known._size for part in sides[0].parts)))
-    tight = witness(RIGID, learn, judge, scales)
+    tight = search_groups(RIGID, learn, judge, scales)
     for one, other in zip(whole.levels, tight.levels, strict=True):
         assert [g.effects for g in one] == [g.effects for g in other]
         assert [g.gain for g in one] == [g.gain for g in other]

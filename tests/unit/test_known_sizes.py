@@ -8,24 +8,24 @@ from identification_plants import STAGE
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.known_sizes import with_known_sizes
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Heard, Opinion
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group
+from haptic_teleop_sysid.diagnosis.evidence.second_method import JudgedGroup, SecondMethod
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 1.4})
 CONSTANT = Effect("constant_torque", "stage1_motor", {"torque": 0.015})
-WITNESS = SimpleNamespace(
+SEARCHED = SimpleNamespace(
     levels=(), folds=SimpleNamespace(explained=lambda hypotheses: 0.1 * len(hypotheses))
 )
 
 
-def opinion(*effects, std):
+def second_method(*effects, std):
     named = {f"stage1_motor.{name}.torque": error for name, error in std.items()}
     hypotheses = tuple(SimpleNamespace(entry=e.entry, location=e.location) for e in effects)
     group = Group(STAGE.with_effects(*effects), hypotheses, 10.0, 80.0, 0.9, {"motor_inertia": 0.1, **named})
-    return Opinion(Heard(group, 12.0, (0.2, 0.3)), (), WITNESS)
+    return SecondMethod(JudgedGroup(group, 12.0, (0.2, 0.3)), (), SEARCHED)
 
 
-def kept(before, sized=lambda heard: heard):
+def kept(before, sized=lambda judged: judged):
     found = with_known_sizes(before, sized, lambda model: (0.4, 0.5)).chosen
     return [e.effect for e in found.group.effects], found
 
@@ -41,11 +41,11 @@ def kept(before, sized=lambda heard: heard):
 )
 def test_what_is_not_known_to_be_there_is_left_out(errors, names):
     std = dict(zip(("coulomb_friction", "constant_torque"), errors, strict=True))
-    assert kept(opinion(FRICTION, CONSTANT, std=std))[0] == names
+    assert kept(second_method(FRICTION, CONSTANT, std=std))[0] == names
 
 
 def test_what_is_left_is_run_and_judged_by_itself():
-    before = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.05})
+    before = second_method(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.05})
     names, found = kept(before)
     assert names == ["coulomb_friction"] == [h.entry.name for h in found.group.hypotheses]
     assert [e.effect for e in found.group.model.effects] == ["coulomb_friction"]
@@ -53,12 +53,14 @@ def test_what_is_left_is_run_and_judged_by_itself():
     assert [*found.group.std] == ["motor_inertia", "stage1_motor.coulomb_friction.torque"]
     # Sizes are found anew without it.
     counted = []
-    kept(before, lambda heard: counted.append(len(heard.group.effects)) or heard)
+    kept(before, lambda judged: counted.append(len(judged.group.effects)) or judged)
     assert counted == [2, 1]
 
 
 def group_of(*effects, torque_error=0.1):
-    return opinion(*effects, std={"coulomb_friction": torque_error, "constant_torque": 0.1}).chosen.group
+    return second_method(
+        *effects, std={"coulomb_friction": torque_error, "constant_torque": 0.1}
+    ).chosen.group
 
 
 def test_a_form_that_is_not_known_is_told_plainly():
@@ -72,13 +74,13 @@ def test_a_form_that_is_not_known_is_told_plainly():
         group_of(weight, FRICTION),
         replace(group_of(weight, Effect("gravity", "stage1_motor", {"torque": 9.0})), gain=1.0),
     )
-    before = opinion(weight, rippled, std={"constant_torque": 0.02})
+    before = second_method(weight, rippled, std={"constant_torque": 0.02})
     head = "stage1_motor.position_dependent_friction."
     before.chosen.group.std.update({head + "torque": 9.0, head + "amplitude": 9.0})
-    found = replace(before, witness=SimpleNamespace(levels=((strange, plain),), folds=WITNESS.folds))
+    found = replace(before, searched=SimpleNamespace(levels=((strange, plain),), folds=SEARCHED.folds))
     assert kept(found)[0] == ["constant_torque", "coulomb_friction"]
     # Where nobody found the plain one beside the same others, it is left out.
-    assert kept(replace(before, witness=SimpleNamespace(levels=((strange,),), folds=WITNESS.folds)))[0] == [
+    assert kept(replace(before, searched=SimpleNamespace(levels=((strange,),), folds=SEARCHED.folds)))[0] == [
         "constant_torque"
     ]
 
@@ -88,9 +90,9 @@ def test_a_form_that_is_not_known_is_told_plainly():
 )
 def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_torque(gain, names):
     spring = Effect("spring_to_ground", "stage1_motor", {"stiffness": 3e-6, "rest": -296.0})
-    before = opinion(FRICTION, spring, std={"coulomb_friction": 0.1})
+    before = second_method(FRICTION, spring, std={"coulomb_friction": 0.1})
     before.chosen.group.std["stage1_motor.spring_to_ground.stiffness"] = 3e-6
-    other = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.001}).chosen
+    other = second_method(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.001}).chosen
     other = replace(other, group=replace(other.group, gain=gain))
     found = replace(before, rivals=((before.chosen, 0.6), (other, 0.4)))
     assert kept(found)[0] == names
@@ -100,25 +102,25 @@ def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_
 
 
 def test_sizes_that_free_runs_do_not_know_stay_those_of_the_torques():
-    before = opinion(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.002})
+    before = second_method(FRICTION, CONSTANT, std={"coulomb_friction": 0.1, "constant_torque": 0.002})
 
-    def sized(heard, error):
-        larger = heard.group.model.with_values({"stage1_motor.coulomb_friction.torque": 2.0})
-        std = {**heard.group.std, "stage1_motor.coulomb_friction.torque": error}
-        return replace(heard, group=replace(heard.group, model=larger, std=std))
+    def sized(judged, error):
+        larger = judged.group.model.with_values({"stage1_motor.coulomb_friction.torque": 2.0})
+        std = {**judged.group.std, "stage1_motor.coulomb_friction.torque": error}
+        return replace(judged, group=replace(judged.group, model=larger, std=std))
 
     for error, torque in ((0.2, 2.0), (2.0, 1.4)):
-        names, found = kept(before, lambda heard, e=error: sized(heard, e))
+        names, found = kept(before, lambda judged, e=error: sized(judged, e))
         assert names == ["coulomb_friction", "constant_torque"]
         assert found.group.effects[0].values["torque"] == torque
 
 
 def test_a_size_that_only_free_runs_know_is_theirs():
-    before = opinion(FRICTION, std={"coulomb_friction": 5.0})
+    before = second_method(FRICTION, std={"coulomb_friction": 5.0})
 
-    def sized(heard):
-        larger = heard.group.model.with_values({"stage1_motor.coulomb_friction.torque": 2.0})
-        std = {**heard.group.std, "stage1_motor.coulomb_friction.torque": 0.1}
-        return replace(heard, group=replace(heard.group, model=larger, std=std))
+    def sized(judged):
+        larger = judged.group.model.with_values({"stage1_motor.coulomb_friction.torque": 2.0})
+        std = {**judged.group.std, "stage1_motor.coulomb_friction.torque": 0.1}
+        return replace(judged, group=replace(judged.group, model=larger, std=std))
 
     assert kept(before, sized)[1].group.effects[0].values["torque"] == 2.0

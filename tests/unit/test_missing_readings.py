@@ -11,8 +11,9 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence.residual import left_over
 from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, ljung_box
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, velocity_of
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
-from haptic_teleop_sysid.estimation.likelihood import covariance, log_likelihood, seen
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import innovation_covariance, log_likelihood, seen
+from haptic_teleop_sysid.estimation.whitening import whiten
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 
 PACKED = pack(MODEL)
@@ -62,7 +63,7 @@ def test_with_half_of_the_readings_the_likelihood_of_each_is_the_same(record, er
 
 @pytest.mark.parametrize("gone", ["motor", "arm"])
 def test_one_encoder_that_misses_half_scores_what_it_read(record, errors, gone):
-    """Against the likelihood by the true covariance, added up reading by reading."""
+    """Against the likelihood by the true innovation_covariance, added up reading by reading."""
     less = without(record, **{gone: HALF})
     alone = 1 if gone == "motor" else 0
     expected = 0.0
@@ -74,7 +75,7 @@ def test_one_encoder_that_misses_half_scores_what_it_read(record, errors, gone):
     constant = 0.5 * (0.5 * 2 + 0.5 * 1) * len(record)  # of the covariance that is concentrated out
     found = log_likelihood(PACKED, [less], [kept(less, errors)])
     assert found == pytest.approx(expected + constant, abs=6.0)
-    np.testing.assert_allclose(covariance(PACKED, less, kept(less, errors)), SPREAD, rtol=0.06)
+    np.testing.assert_allclose(innovation_covariance(PACKED, less, kept(less, errors)), SPREAD, rtol=0.06)
 
 
 def test_a_reading_that_is_missing_moves_no_parameter(record, errors):

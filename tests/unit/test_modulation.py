@@ -28,9 +28,9 @@ from haptic_teleop_sysid.diagnosis.evidence.modulation import (
 )
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
-from haptic_teleop_sysid.estimation.gauss_newton import whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, settling
 from haptic_teleop_sysid.estimation.records import record_from
+from haptic_teleop_sysid.estimation.whitening import whiten
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 

@@ -13,8 +13,8 @@ from haptic_teleop_sysid.diagnosis.decision.nearly_all_torque import nearly_all_
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import Opinion
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
+from haptic_teleop_sysid.diagnosis.evidence.second_method import SecondMethod
 from haptic_teleop_sysid.diagnosis.examined import Examined
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -30,7 +30,7 @@ def asked(**physics):
     """What the inverse dynamics say of a pendulum, and the recordings."""
     learn, judge = ([pendulum(seed, **physics)] for seed in (0, 1))
     scales = recording_scales(RIGID, learn)
-    return witness(RIGID, learn, judge, scales), learn, judge, scales
+    return search_groups(RIGID, learn, judge, scales), learn, judge, scales
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def found_in(said, learn, judge, scales):
         learn=learn,
         judge=judge,
         result=SearchResult(baseline, baseline, (), (), scales),
-        opinion=Opinion(None, (), said),
+        second_method=SecondMethod(None, (), said),
         horizons=SimpleNamespace(errors=errors),
         errors=errors,
         simulated=lambda model: ParameterFit(model, True, (1.0, 1.0), 1),
@@ -60,8 +60,8 @@ def found_in(said, learn, judge, scales):
     )
 
 
-def names(opinion):
-    return {e.effect for e in opinion.chosen.group.effects}
+def names(second_method):
+    return {e.effect for e in second_method.chosen.group.effects}
 
 
 def test_the_fewest_names_are_told_that_leave_nothing_with_a_shape(heavy_and_rubbing):
@@ -108,8 +108,8 @@ def test_nearly_all_is_of_what_any_torque_explains(heavy_and_rubbing, monkeypatc
     """A balancing robot: gravity and a delay explain 89.9 % of the torque, and nothing explains more."""
     said = replace(heavy_and_rubbing[0], recoverable=recoverable)
     monkeypatch.setattr(said.folds, "explained", lambda terms: 0.88 if len(terms) > 1 else 0.5)
-    opinion = nearly_all_torque(said, lambda m: ALIKE, [ALIKE])
-    assert (opinion is not None) is told
+    second_method = nearly_all_torque(said, lambda m: ALIKE, [ALIKE])
+    assert (second_method is not None) is told
 
 
 def law(place=None, name="quadratic_drag"):

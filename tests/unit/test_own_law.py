@@ -186,7 +186,7 @@ def test_the_quantity_of_a_law(effect, own):
 
 def test_what_currents_or_the_second_method_show_is_not_asked(wrong):
     here, there, bare, named = wrong
-    for shown in ({"by_current": 5.0}, {"witnessed": "it explains 90 %"}):
+    for shown in ({"by_current": 5.0}, {"grounds": "it explains 90 %"}):
         before = result(bare, named, **shown)
         assert by_its_law(before, [here], [there]) == (before, None, None)
 

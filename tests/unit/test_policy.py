@@ -14,7 +14,7 @@ import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
 import haptic_teleop_sysid.diagnosis.decision.where as where_module
 import haptic_teleop_sysid.diagnosis.decision.without_the_first as first_module
-import haptic_teleop_sysid.diagnosis.evidence.second_opinion as second_module
+import haptic_teleop_sysid.diagnosis.evidence.second_method as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision import coloured
@@ -169,12 +169,12 @@ def group(gain, *names):
 @pytest.mark.parametrize(
     ("gains", "count"), [((5.4, 0.0), 0), ((6.6, 0.0), 1), ((20.0, 25.4), 1), ((20.0, 26.6), 2)]
 )
-def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, count):
+def test_each_effect_gains_a_log_likelihood_of_six_by_the_second_method(monkeypatch, gains, count):
     monkeypatch.setattr(second_module, "admissible", lambda *_: True)
     one, two = group(gains[0], "gravity"), group(gains[1], "gravity", "coulomb_friction")
     said = SimpleNamespace(levels=[[one], [two]], settling=lambda group: None)
-    heard = second_module.second_opinion(said, None, lambda model: (0.5, 0.5), (0.5, 0.5))
-    assert len(heard.chosen.group.effects if heard.chosen else ()) == count
+    judged = second_module.judge_groups(said, None, lambda model: (0.5, 0.5), (0.5, 0.5))
+    assert len(judged.chosen.group.effects if judged.chosen else ()) == count
 
 
 @pytest.mark.parametrize(
@@ -187,14 +187,14 @@ def test_each_effect_gains_six_nats_in_the_second_opinion(monkeypatch, gains, co
         (0.68, False, True),
     ],
 )
-def test_the_second_opinion_errs_clearly_less(errs, coloured, believed):
+def test_the_second_method_errs_clearly_less(errs, coloured, believed):
     known = SimpleNamespace(entry=FRICTION.entry, location=FRICTION.location)
     group = SimpleNamespace(effects=(), hypotheses=(known,))
     chosen = SimpleNamespace(errors=(0.2 * errs, 0.2 * errs), group=group)
-    opinion = SimpleNamespace(chosen=chosen, witness=SimpleNamespace(folds=None))
-    assert believed_instead(opinion, [], (0.2, 0.2), lambda: coloured) == believed
+    second_method = SimpleNamespace(chosen=chosen, searched=SimpleNamespace(folds=None))
+    assert believed_instead(second_method, [], (0.2, 0.2), lambda: coloured) == believed
     same = [FRICTION]
-    told = believed_instead(opinion, same, (0.2, 0.2), lambda: coloured)
+    told = believed_instead(second_method, same, (0.2, 0.2), lambda: coloured)
     assert told == (errs < 0.9), "the same names with other sizes need no coloured innovations"
 
 
@@ -205,9 +205,9 @@ def test_a_name_explains_half(explains, kept, worse, judges):
     result, doubt = short_of(result_of(choice), Adequacy(explains, 0.9))
     assert bool(result.choices) == kept and (doubt is None) == kept
     folds = SimpleNamespace(adequacies=lambda group: [explains for _ in group])
-    heard = SimpleNamespace(witness=SimpleNamespace(folds=folds, with_names=lambda group: None))
+    judged = SimpleNamespace(searched=SimpleNamespace(folds=folds, with_names=lambda group: None))
     errors = lambda model: (0.1, 0.1) if model is not None else (0.1 * worse, 0.1 * worse)  # noqa: E731
-    doubt = inadequate(result_of(choice), heard, errors)
+    doubt = inadequate(result_of(choice), judged, errors)
     assert (doubt is None) == (kept or not judges), "who simulates the name far worse does not judge it"
 
 

@@ -18,7 +18,7 @@ from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.reversals import FEWEST, Jump, jump
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.report.testimony import at_reversals
+from haptic_teleop_sysid.diagnosis.report.inverse_dynamics import at_reversals
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.parameter_units import Units
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from stepped_machines import RIGID, pendulum
 
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import witness
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import measured_map
 from haptic_teleop_sysid.diagnosis.evidence.reading_error import reading_error
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
@@ -39,7 +39,7 @@ def seldom(one: Record, seed: int, least: int, most: int) -> Record:
 def test_friction_is_found_where_readings_stand_alone():
     recordings = [slowly(pendulum(seed, coulomb=0.3)) for seed in (0, 1)]
     few = [seldom(one, seed, 2, 4) for seed, one in enumerate(recordings)]
-    found = witness(RIGID, few[:1], few[1:], recording_scales(RIGID, few[:1]))
+    found = search_groups(RIGID, few[:1], few[1:], recording_scales(RIGID, few[:1]))
     (effect,) = found.levels[0][0].effects
     assert effect.effect == "coulomb_friction"
     assert effect.parameters["torque"] == pytest.approx(0.3, rel=0.15)

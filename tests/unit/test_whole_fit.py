@@ -12,12 +12,13 @@ from stepped_machines import record as recorded
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import fit_parameters, whiten
 from haptic_teleop_sysid.estimation.likelihood import innovations, log_likelihood
 from haptic_teleop_sysid.estimation.noise import NoiseModel, observer_gain
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise, level_bounds
 from haptic_teleop_sysid.estimation.uncertainty import uncertainty
+from haptic_teleop_sysid.estimation.whitening import whiten
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole
 
 DT = 0.002

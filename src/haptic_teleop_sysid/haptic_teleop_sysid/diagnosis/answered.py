@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
 from .believed import Believed, Say
 from .decision.at_reversals import Turning, where_torque_jumps, with_friction
@@ -116,7 +116,7 @@ class _Steps:
             self.predicted,
             doubt,
             instead,
-            found.opinion,
+            found.second_method,
             found.learn,
             self._spread,
             answer.turning,

@@ -1,4 +1,4 @@
-"""Two opinions on what is missing: baseline and search by prediction, and the inverse dynamics."""
+"""Both methods on what is missing: baseline and search by one-step prediction, and the inverse dynamics."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.first_state import from_first_state
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet
-from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
-from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as fit_to_free_runs
+from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_output_error
 from haptic_teleop_sysid.simulation.windows import fewer
 
 from .decision.coloured import coloured
@@ -29,10 +28,10 @@ from .decision.search import SearchResult, search
 from .decision.search_by_simulation import POOR_FIT, search_by_simulation
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.band import motion_band
-from .evidence.inverse_dynamics.witness import witness
+from .evidence.inverse_dynamics.group_search import search_groups
 from .evidence.predictable import while_followed, while_predictable
 from .evidence.proof import Course
-from .evidence.second_opinion import Opinion, second_opinion, settled
+from .evidence.second_method import SecondMethod, fitted_to_both, judge_groups
 from .evidence.shown_by_current import shown_by_current
 from .inputs.scales import recording_scales, within_reach
 from .policy import HARM
@@ -48,8 +47,8 @@ class Explained:
     kinds of recordings (``learn``, ``judge``), ``course`` of all data sets, and ``horizons``: the same,
     thinned, over stretches of several lengths, where models are compared; ``result`` of the search by
     prediction, ``kept``: that without what harms, or what only the search by simulation found (``freely``);
-    ``opinion``: the second one, None where the arithmetic of the inverse dynamics failed; ``cutoff``: Hz, of
-    the band of the motion."""
+    ``second_method``: the second one, None where the arithmetic of the inverse dynamics failed; ``cutoff``:
+    Hz, of the band of the motion."""
 
     given: Model
     learn: list[Record]
@@ -59,7 +58,7 @@ class Explained:
     result: SearchResult
     kept: SearchResult
     freely: bool
-    opinion: Opinion | None
+    second_method: SecondMethod | None
     cutoff: float
 
     @property
@@ -76,7 +75,7 @@ class Explained:
     def inertias(self) -> list[float]:
         """What else is known of the motor's inertia, kg·m²: as it is believed, and as the inverse dynamics of
         slow motion have it."""
-        slow = [] if self.opinion is None else [self.opinion.witness.structure.model]
+        slow = [] if self.second_method is None else [self.second_method.searched.structure.model]
         return [one.parameters["motor_inertia"] for one in (self.given, *slow)]
 
     def chosen_by(self, candidate: Model) -> tuple[float, float]:
@@ -101,7 +100,7 @@ class Explained:
         scales = self.result.scales
         limits = within_reach(self.given, scales) | turning_limits(candidate, scales.size["fastest"])
         parts = [*zip(self.course.data[: self.count], windows, strict=True)]
-        return fit_to_free_runs(candidate, parts, limits)
+        return fit_output_error(candidate, parts, limits)
 
     def resized(self, fit: Fit) -> Fit | None:
         """A fit with the parameters that its free runs want (see `freely_sized`)."""
@@ -129,7 +128,7 @@ def explain(
     cutoff = motion_band([*learn, *judge])
     say("asking the inverse dynamics")
     try:
-        said = witness(model, learn, judge, recording_scales(baseline.model, learn), cutoff)
+        said = search_groups(model, learn, judge, recording_scales(baseline.model, learn), cutoff)
     except FAILURES:
         said = None
     course = Course.of(baseline.model, everything)
@@ -163,12 +162,14 @@ def explain(
             better = "what a search by free simulation finds simulates all recordings better"
             kept = replace(free, given_up=kept.giving_up(kept.choices, better).given_up)
             freely = True
-    opinion = None
+    second_method = None
     if said is not None:
-        alone = (model, result.baseline.model, settled(said, said.structure, horizons.errors).model)
+        alone = (model, result.baseline.model, fitted_to_both(said, said.structure, horizons.errors).model)
         with suppress(*FAILURES):
-            opinion = second_opinion(said, result.scales, horizons.errors, min(map(horizons.errors, alone)))
-    return Explained(model, learn, judge, course, horizons, result, kept, freely, opinion, cutoff)
+            second_method = judge_groups(
+                said, result.scales, horizons.errors, min(map(horizons.errors, alone))
+            )
+    return Explained(model, learn, judge, course, horizons, result, kept, freely, second_method, cutoff)
 
 
 def _errs_less(

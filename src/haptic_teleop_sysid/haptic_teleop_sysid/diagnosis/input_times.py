@@ -8,7 +8,7 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .evidence.inverse_dynamics.witness import witness
+from .evidence.inverse_dynamics.group_search import search_groups
 from .explain import Explained, explain
 from .inputs.between_samples import as_read, half_a_sample, may_be_read, predicted_better
 from .inputs.scales import recording_scales
@@ -39,7 +39,7 @@ def _possible(model: Model, estimation: list[DataSet], validation: list[DataSet]
     yield model
     learn, judge = records_of(estimation), records_of(validation)
     try:
-        leader = witness(model, learn, judge, recording_scales(model, learn)).most_likely
+        leader = search_groups(model, learn, judge, recording_scales(model, learn)).most_likely
     except FAILURES:
         return
     if leader is not None:

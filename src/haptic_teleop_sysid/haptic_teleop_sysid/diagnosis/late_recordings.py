@@ -48,7 +48,7 @@ def explained_on_time(
     like it.
     ``found``: what is made of them as they are."""
     known = any(is_lateness(e.entry) for e in model.effects)
-    stands = known or any(is_lateness(c.chosen.effect.entry) and c.chosen.witnessed is None for c in choices)
+    stands = known or any(is_lateness(c.chosen.effect.entry) and c.chosen.grounds is None for c in choices)
     if stands or not model.rigid or any(d.commanded_input is not None for data in kinds for d in data):
         return None
     say("asking whether the input is late")
@@ -87,10 +87,10 @@ def _names(model: Model, found: Explained) -> Model | None:
 
 
 def _named(found: Explained) -> Iterator[Model]:
-    opinion = found.opinion
-    if opinion is not None and opinion.chosen is not None:
-        yield opinion.chosen.group.model
+    second_method = found.second_method
+    if second_method is not None and second_method.chosen is not None:
+        yield second_method.chosen.group.model
     if found.kept.choices:
         yield found.kept.final.model
-    if opinion is not None and opinion.witness.most_likely is not None:
-        yield opinion.witness.most_likely.model
+    if second_method is not None and second_method.searched.most_likely is not None:
+        yield second_method.searched.most_likely.model

@@ -9,7 +9,7 @@ from .decision.corroborated import adds_torque
 from .decision.finding import unsure_of_their_shape
 from .decision.misplaced import misplaced
 from .decision.nearly_all_torque import nearly_all_torque
-from .decision.opinion_as_result import as_result
+from .decision.second_method_as_result import as_result
 from .evidence.other_forms import together
 from .examined import Examined, forms_of
 from .question import adequacy_of
@@ -20,12 +20,12 @@ def nearly_all(belief: Believed, left: Examined) -> Examined:
     explain too little; else what was ``left``. Not where the doubt is about the recordings or says a place,
     where a sensor or the measured current has a name, or where parity equations or the user's own model speak
     against the new ones. What made the doubt is told with them."""
-    found, opinion = belief.found, belief.found.opinion
-    if opinion is None or not _asked(left):
+    found, second_method = belief.found, belief.found.second_method
+    if second_method is None or not _asked(left):
         return left
     bases = (found.given, left.result.baseline.model)
     chosen = nearly_all_torque(
-        opinion.witness, found.horizons.errors, [found.horizons.errors(model) for model in bases]
+        second_method.searched, found.horizons.errors, [found.horizons.errors(model) for model in bases]
     )
     if chosen is None:
         return left

@@ -78,7 +78,7 @@ pairs of a seed of the benchmark in which it had been found with 200 nats beside
 550 and was held back by LEAST_SHARE."""
 
 AN_EFFECT = 6.0
-"""Log-likelihood, free runs included, that each further effect must gain in the second witness, beside what
+"""Log-likelihood, free runs included, that each further effect must gain in the inverse dynamics, beside what
 its parameters gain by chance. Lower: groups grow by leftovers. By hand, together with what a free run counts:
 one that errs half as much on both kinds of recordings counts as about two effects."""
 
@@ -167,17 +167,17 @@ on a seed of the benchmark none with such names leaves more than 0.05; nine on r
 other physics, none of them all, leave 0.058 to 0.13."""
 
 ERRS_LESS, ERRS_FAR_LESS = 0.9, 0.7
-"""Factor by which the free run of the second witness must err less than the first opinion's, in the mean of
+"""Factor by which the free run of the inverse dynamics must err less than the first method's, in the mean of
 both kinds of recordings, to take its place: where the first one's innovations are coloured, and where they
 are white; the square of the second on the validation recordings alone is enough. The first is enough beside
-white ones, too, where the witness has the same names, or the torques gain LEAST_GAIN more by its own. Lower:
-the witness, which sees no sensors, is believed less often. The first also where sizes that free runs want
-take the place of those that torques want, and those with a smoothed sign the place of those that stick: what
-errs less by less than that is an accident of where a search ended; and where a finding makes free runs of
-the validation recordings err less by it, coarse encoders do not stand for it. The second also the other way:
-where the first opinion errs less than the witness with the same names by it, the witness does not judge
-them. By hand; in a force loop, whose regression is biased, it erred 27 times as much with a name that was
-right."""
+white ones, too, where the inverse dynamics has the same names, or the torques gain LEAST_GAIN more by its
+own. Lower: the inverse dynamics, which sees no sensors, is believed less often. The first also where sizes
+that free runs want take the place of those that torques want, and those with a smoothed sign the place of
+those that stick: what errs less by less than that is an accident of where a search ended; and where a finding
+makes free runs of the validation recordings err less by it, coarse encoders do not stand for it. The second
+also the other way: where the first method errs less than the inverse dynamics with the same names by it, the
+inverse dynamics does not judge them. By hand; in a force loop, whose regression is biased, it erred 27 times
+as much with a name that was right."""
 
 FITS_WORSE = 1.1
 """Factor by which what is left of the torques must grow with an encoder's error taken out of the readings for
@@ -197,7 +197,7 @@ joints without such an error (0.96 and 0.98), which had it with 54 % and 99 %.""
 
 LEAST_KNOWN = 0.5
 """Chance that a size is right to within a good part of itself below which the name of a torque says nothing:
-it then gives way to no more names of the second witness that explain NEARLY_ALL, and beside other names it
+it then gives way to no more names of the inverse dynamics that explain NEARLY_ALL, and beside other names it
 goes. So does a name of a rigid joint of which the torques want another size, or one that varies from stretch
 to stretch, by as much. Lower: a form that the recordings do not hold stays (3.2 ± 6.7 N·m); higher: small
 true torques fall. By hand, on a robot's wrist (0.19); of right names on 60 real joints the torques want
@@ -214,9 +214,9 @@ share two more of 24 are seen on two later draws, within a tenth; of 48 cases wi
 physics is a friction that fades."""
 
 NEARLY_ALL = 0.8
-"""Share of what torques without a form explain that the second witness' names must explain to stand where the
-first opinion has given its own name up; their free run must err no more, either. Also what a name beside
-`unknown` must explain of what any torque in its own quantities does, where a curve over one of them is
+"""Share of what torques without a form explain that the names of the inverse dynamics must explain to stand
+where the first method has given its own name up; their free run must err no more, either. Also what a name
+beside `unknown` must explain of what any torque in its own quantities does, where a curve over one of them is
 clearly more likely: in a long recording the least difference in form is clear. Lower: more names for
 physics without one; higher: `unknown` where friction is in plain sight. Set on a robot's wrist (0.90); an
 instrument's spindle has 0.95 of the second."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import Adequacy, Followed, adequacy, left_size
@@ -19,7 +19,6 @@ from .decision.decide import Choice
 from .decision.doubt import doubted
 from .decision.finding import shape_unknown, size_unknown
 from .decision.misread import misread
-from .decision.opinion_as_result import as_result
 from .decision.overruled import believed_instead, beyond_reach, more_plainly, stands_next
 from .decision.own_bounds import within_bounds
 from .decision.own_law import by_its_law
@@ -32,6 +31,7 @@ from .decision.reasons import (
     slipped,
 )
 from .decision.search import SearchResult
+from .decision.second_method_as_result import as_result
 from .decision.stand import Stand, colours
 from .decision.torques_explained import explained_along, explained_in_band, inadequate, recovered
 from .decision.unsteady import constant_sizes
@@ -39,7 +39,7 @@ from .decision.where import structured
 from .evidence.held_out import with_both_kinds
 from .evidence.proof import mean_percent
 from .evidence.residual import INPUT_TORQUE, conditions
-from .evidence.second_opinion import Errors, Opinion
+from .evidence.second_method import Errors, SecondMethod
 from .evidence.steadiness import Steadiness, steadiness
 from .explain import Explained
 from .hypotheses.follows import follows_from_motion
@@ -52,51 +52,59 @@ def questioned(
     """What is left of the findings ``kept`` after the questions that likelihoods do not ask; ``believed``:
     what the search by prediction found, so far as chance leaves it."""
     harmful = None if kept.choices else next(iter(believed.choices), None)
-    corroborated = Corroboration(found.horizons.errors, found.opinion)
+    corroborated = Corroboration(found.horizons.errors, found.second_method)
     result, doubt, stand = doubted(kept, found.learn, found.judge, found.chosen_by, corroborated)
     result, wrong = misread(result, found.given, found.learn, found.judge, found.cutoff)
     if wrong is not None:
         result = _before(result, *wrong)
         doubt = doubt if result.choices else (doubt or Doubt(*wrong))
     first = result.nameless.chosen.fit if result.nameless is not None else result.final
-    first_errors, opinion = found.horizons.errors(first.model), found.opinion
+    first_errors, second_method = found.horizons.errors(first.model), found.second_method
     named = [c.chosen.effect for c in result.choices]
 
     def instead(why: str) -> tuple[SearchResult, Doubt | None, Stand]:
-        assert opinion is not None
+        assert second_method is not None
         bare = result.giving_up(result.choices, why)
-        return *as_result(opinion, bare, found.learn, found.errors, found.simulated), alone
+        return *as_result(second_method, bare, found.learn, found.errors, found.simulated), alone
 
     alone = Stand(stand.before, stand.after, {})
-    if opinion is not None and believed_instead(
-        opinion, named, first_errors, lambda: coloured(first, found.learn, found.judge)
+    if second_method is not None and believed_instead(
+        second_method, named, first_errors, lambda: coloured(first, found.learn, found.judge)
     ):
         return instead("what the inverse dynamics name simulates all recordings better")
     if (
-        opinion is not None
+        second_method is not None
         and any(shape_unknown(c, result.final, stand.spread) for c in result.choices)
-        and more_plainly(opinion, result, first_errors)
+        and more_plainly(second_method, result, first_errors)
     ):
         return instead("what is more than the plainer form of the inverse dynamics is not known")
     # Where what is left is random, a torque without a form follows chance.
     left = (
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
     )
-    short = inadequate(result, opinion, found.horizons.errors) if opinion is not None and left else None
+    short = (
+        inadequate(result, second_method, found.horizons.errors)
+        if second_method is not None and left
+        else None
+    )
     if short is not None:
         result = _before(result, short.choice, short.why)
         doubt = None if result.choices else short
     if doubt is None and (far := beyond_reach(result, found.given)) is not None:
         result = _before(result, None, far.why)
         doubt, stand = far, Stand(stand.before, stand.before, {})
-    if doubt is None and opinion is not None and _gives_way(result, stand, opinion, found.horizons.errors):
+    if (
+        doubt is None
+        and second_method is not None
+        and _gives_way(result, stand, second_method, found.horizons.errors)
+    ):
         return instead(
             "a size among these names is not known, and as few of the inverse dynamics explain nearly all"
         )
     if doubt is not None and doubt.choice is not None and not result.choices:
         # A name that is given up brings up the next; physics without a name is an answer and stays.
         nothing = found.horizons.errors(result.final.model)
-        if opinion is not None and result.nameless is None and stands_next(opinion, nothing):
+        if second_method is not None and result.nameless is None and stands_next(second_method, nothing):
             return instead("what the inverse dynamics name explains nearly all")
         return result, doubt, stand
     if harmful is not None and (doubt is None or doubt.choice is None):
@@ -135,7 +143,7 @@ def weighed(
     """The result without names that do not earn their place beside the others (see `earned`) or are no
     constants of the joint (`constant_sizes`); how much of what is missing the rest explains, None where none
     is left; and why."""
-    corroborated = Corroboration(found.horizons.errors, found.opinion)
+    corroborated = Corroboration(found.horizons.errors, found.second_method)
 
     def size_left(fit: Fit) -> float:
         return left_size(fit, [*found.learn, *found.judge])
@@ -171,15 +179,17 @@ def adequacy_of(found: Explained, result: SearchResult) -> Adequacy:
         *(found.errors(fit.model) for fit in (result.baseline, result.final)),
         random_left=random,
         by_torque=result.by_torque,
-        by_motion=lambda: 0.0 if found.opinion is None else explained_along(result, found.opinion),
-        in_band=0.0 if found.opinion is None else explained_in_band(result, found.opinion),
+        by_motion=lambda: (
+            0.0 if found.second_method is None else explained_along(result, found.second_method)
+        ),
+        in_band=0.0 if found.second_method is None else explained_in_band(result, found.second_method),
         follows=None if random else followed_by_most(found, result),
         worse=own > 0.0 and own - with_names > WORSE,  # what follows nothing is not better
         white=lambda: max(colours(result.final, found.learn, found.judge)) <= WHITE,
     )
-    if found.opinion is None:
+    if found.second_method is None:
         return adequate
-    return replace(adequate, recovered=recovered(result, found.opinion))
+    return replace(adequate, recovered=recovered(result, found.second_method))
 
 
 def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:
@@ -193,7 +203,7 @@ def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:
     return None if past is None else Followed(past.equation, f"{past.name}, with a memory")
 
 
-def _gives_way(result: SearchResult, stand: Stand, opinion: Opinion, errors: Errors) -> bool:
+def _gives_way(result: SearchResult, stand: Stand, second_method: SecondMethod, errors: Errors) -> bool:
     """Whether one of the findings is a torque along the motion whose size is not known, while no more names
     of the inverse dynamics explain nearly all, and simulate freely no worse than the structure alone."""
     unknown = [
@@ -203,9 +213,9 @@ def _gives_way(result: SearchResult, stand: Stand, opinion: Opinion, errors: Err
     ]
     return (
         bool(unknown)
-        and opinion.chosen is not None
-        and len(opinion.chosen.group.effects) <= len(result.choices)
-        and stands_next(opinion, errors(result.baseline.model))
+        and second_method.chosen is not None
+        and len(second_method.chosen.group.effects) <= len(result.choices)
+        and stands_next(second_method, errors(result.baseline.model))
     )
 
 

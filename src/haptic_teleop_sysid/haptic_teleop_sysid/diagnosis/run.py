@@ -8,7 +8,7 @@ from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .answered import Answered, answered
@@ -28,9 +28,9 @@ from .inputs.uses import Uses, three_uses
 from .nearly_all import nearly_all
 from .report.columns import column, errors_of, three_columns, with_bounds
 from .report.contents import contents
+from .report.inverse_dynamics import inverse_dynamics_content
 from .report.next_experiment import once_calibrated
 from .report.summary import settled_sentence
-from .report.testimony import testimony
 from .usable import refuse_unusable
 
 
@@ -106,9 +106,9 @@ def _further(belief: Believed, answer: Answered, doubt: Doubt | None) -> dict[st
     """Of the content of diagnosis.json what is said of physics without a name, and by the other methods."""
     verdict, wrong = answer.verdict, answer.wrong
     given_up = [doubt.choice] if doubt is not None and doubt.choice is not None else []
-    from_here = any(c.chosen.witnessed is not None for c in (*answer.result.choices, *given_up))
+    from_here = any(c.chosen.grounds is not None for c in (*answer.result.choices, *given_up))
     told = answer.acting is not None and verdict.kind != "no_mismatch"
-    gains, opinion = answer.of_input, belief.found.opinion
+    gains, second_method = answer.of_input, belief.found.second_method
     further = {
         "settled_by_both": list(answer.result.settled),
         MEASURED.name: None if answer.mapped is None else answer.mapped.content(),
@@ -117,7 +117,9 @@ def _further(belief: Believed, answer: Answered, doubt: Doubt | None) -> dict[st
         "reading_error": None if wrong is None else wrong.content(),
         "stand_in": None if answer.instead is None else answer.instead.content(verdict.findings),
         "reversals": [one.content() for one in answer.turning.jumps],
-        "inverse_dynamics": testimony(opinion, verdict, from_here) if opinion else None,
+        "inverse_dynamics": inverse_dynamics_content(second_method, verdict, from_here)
+        if second_method
+        else None,
     }
     if wrong is not None:
         further["next_experiment"] = once_calibrated(wrong.error.location)

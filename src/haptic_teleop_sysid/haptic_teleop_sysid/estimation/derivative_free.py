@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 
-from .gauss_newton import Fit, Limits, at_bound, bounds, most_substeps, substeps
+from .fit import Fit
 from .likelihood import likelihood_of
 from .records import Record
+from .step_limits import Limits, at_bound, bounds, most_substeps, substeps
 
 FloatArray = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.contradictions import contradictions
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, normal_equations
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.graduated import distrustful_noise, nearest_start
+from haptic_teleop_sysid.estimation.prediction_fit import normal_equations
 from haptic_teleop_sysid.estimation.records import Record, record_from, records_from, thinned_to
 from haptic_teleop_sysid.estimation.tuning import tune_noise
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty, uncertainty

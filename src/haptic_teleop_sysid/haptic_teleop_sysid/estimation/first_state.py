@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import Packed, pack
 
-from .gauss_newton import Fit
-from .likelihood import FAILURES, channels, covariance, innovations, likelihood_of, seen
+from .fit import Fit
+from .likelihood import FAILURES, channels, innovation_covariance, innovations, likelihood_of, seen
 from .noise import NoiseModel
 from .records import Record
+from .whitening import whitening_weight
 
 FloatArray = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def _wanted(packed: Packed, noise: NoiseModel, record: Record) -> FloatArray:
             rates=(record.rates[0] + move[2], record.rates[1] + move[3]),
         )
         answers.append(innovations(packed, noise, there).innovation - run)
-    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, run))).T
+    weight = whitening_weight(innovation_covariance(packed, record, run))
     read = np.flatnonzero(seen(packed, record)[:, :used].all(axis=1))
     errors, *columns = ((one[read, :used] @ weight).reshape(-1) for one in (run, *answers))
     slopes = np.column_stack(columns)

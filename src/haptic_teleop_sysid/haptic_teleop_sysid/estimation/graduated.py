@@ -17,10 +17,12 @@ import numpy as np
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 
-from .gauss_newton import Fit, Limits, fit_parameters
+from .fit import Fit
 from .noise import NoiseModel
 from .parallel import side_by_side
+from .prediction_fit import fit_parameters
 from .records import Record, thinned, thinned_to
+from .step_limits import Limits
 from .tuning import initial_noise
 from .whole_fit import fit_whole, noise_starts
 

@@ -12,9 +12,11 @@ from dataclasses import replace
 
 from haptic_teleop_sim.model import STRUCTURES, parameter_bounds
 
-from .gauss_newton import Fit, Limits, fit_parameters
+from .fit import Fit
+from .prediction_fit import fit_parameters
 from .records import Record
 from .result import Estimate
+from .step_limits import Limits
 from .uncertainty import MEMORY, uncertainty
 from .whole_fit import fit_whole
 

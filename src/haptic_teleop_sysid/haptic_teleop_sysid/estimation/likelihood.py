@@ -54,7 +54,7 @@ def innovations(
     )
 
 
-def settled(record: Record, values: NDArray[Scalar]) -> NDArray[Scalar]:
+def after_settling(record: Record, values: NDArray[Scalar]) -> NDArray[Scalar]:
     """The part of ``values`` (n, ...) after the observer has settled; at most a tenth is left out."""
     return values[settling(record) :]
 
@@ -85,14 +85,17 @@ def seen(packed: Packed, record: Record) -> NDArray[np.bool_]:
     return there
 
 
-def covariance(packed: Packed, record: Record, innovation: FloatArray) -> FloatArray:
+def innovation_covariance(packed: Packed, record: Record, innovation: FloatArray) -> FloatArray:
     """Second moment of the settled innovations, (1, 1) or (2, 2), rad^2.
 
     Of the readings alone: the motor's own moment, and the arm's by its regression on the motor's where both
     were read (maximum likelihood where the arm's are missing, Anderson 1957)."""
     used = len(channels(packed, record))
     # A slice, as the channels are the first ones: picking columns would copy.
-    e, there = settled(record, innovation)[:, :used], settled(record, seen(packed, record))[:, :used]
+    e, there = (
+        after_settling(record, innovation)[:, :used],
+        after_settling(record, seen(packed, record))[:, :used],
+    )
     if there.all():
         return e.T @ e / len(e)
     motor = float(e[:, 0] @ e[:, 0]) / max(np.count_nonzero(there[:, 0]), 1)
@@ -117,12 +120,12 @@ def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequen
     for record, e in zip(records, innovation, strict=True):
         if not np.max(np.abs(e), initial=0.0) < _RUNS_AWAY:
             return -np.inf
-        spread = covariance(packed, record, e)
+        spread = innovation_covariance(packed, record, e)
         sign, value = np.linalg.slogdet(spread)
         if sign <= 0:
             return -np.inf
         # Of the recording, so that a model whose encoder is late is judged by as many readings as any other.
-        taken = settled(record, record.read)[:, : len(spread)]
+        taken = after_settling(record, record.read)[:, : len(spread)]
         if taken.all():
             total -= 0.5 * len(taken) * float(value)
             continue
@@ -130,7 +133,7 @@ def log_likelihood(packed: Packed, records: Sequence[Record], innovation: Sequen
         if len(spread) == 2:
             both = np.count_nonzero(taken.all(axis=1))
             total -= 0.5 * both * float(value - np.log(spread[0, 0]))
-            alone = settled(record, e)[taken[:, 1] & ~taken[:, 0], 1]
+            alone = after_settling(record, e)[taken[:, 1] & ~taken[:, 0], 1]
             arm = float(spread[1, 1])
             total -= 0.5 * (len(alone) * (np.log(arm) - 1.0) + float(alone @ alone) / arm)
     return float(total)
@@ -141,11 +144,11 @@ def by_sample(packed: Packed, record: Record, innovation: FloatArray) -> FloatAr
     the readings that were taken, so that a model whose encoder is late is judged by as many as any other;
     the arm's reading given the motor's, and by itself where that is missing. In sum it is the same but for
     half a nat per reading."""
-    spread = covariance(packed, record, innovation)
+    spread = innovation_covariance(packed, record, innovation)
     used = len(spread)
-    taken = settled(record, record.read)[:, :used]
-    there = settled(record, seen(packed, record))[:, :used]
-    e = settled(record, innovation)[:, :used]
+    taken = after_settling(record, record.read)[:, :used]
+    there = after_settling(record, seen(packed, record))[:, :used]
+    e = after_settling(record, innovation)[:, :used]
     motor = float(spread[0, 0])
     nats = -0.5 * (taken[:, 0] * np.log(motor) + there[:, 0] * e[:, 0] ** 2 / motor)
     if used == 1:

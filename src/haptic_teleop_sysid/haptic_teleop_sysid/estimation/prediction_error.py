@@ -21,14 +21,16 @@ from haptic_teleop_sysid.simulation.fit import choose_windows, simulated_fit
 from haptic_teleop_sysid.simulation.windows import Windows
 
 from .derivative_free import searched_without_derivatives
-from .gauss_newton import Fit, Limits, bounds, fit_parameters
+from .fit import Fit
 from .graduated import FEW_STEPS, STAGES, approach, distrustful_noise, fit_far_and_near
 from .likelihood import channels
 from .noise import NoiseModel, linearised, observer_gain
+from .prediction_fit import fit_parameters
 from .progress import Progress, silent
 from .records import Record, records_from
 from .result import Estimate, FarSighted, Misled
 from .riccati import exponential
+from .step_limits import Limits, bounds
 from .uncertainty import MEMORY, uncertainty
 from .whole_fit import fit_whole
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import choose_windows
-from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters
+from haptic_teleop_sysid.simulation.parameter_fit import fit_output_error
 from haptic_teleop_sysid.simulation.windows import cut
 
-from .gauss_newton import Limits
 from .progress import Progress, silent
 from .result import Estimate
+from .step_limits import Limits
 
 #: Part of the recording that each stage takes.
 STRETCHES = (0.25, 0.5, 0.75, 1.0)
@@ -37,7 +37,7 @@ def progressive(
     if linear.free_parameters():
         progress("linear model", 0.1)
         own = {n: b for n, b in (limits or {}).items() if n in linear.parameter_values()}
-        found = fit_parameters(linear, [(d, cut(d, None, "")) for d in lively], own, at_rest)
+        found = fit_output_error(linear, [(d, cut(d, None, "")) for d in lively], own, at_rest)
         iterations += found.evaluations
         values = found.model.parameter_values()
         model_now = model.with_values({n: values[n] for n in linear.free_parameters() if n in values})
@@ -45,7 +45,9 @@ def progressive(
     for number, share in enumerate(STRETCHES, start=1):
         progress(f"{100 * share:.0f} % of the recording", 0.1 + 0.9 * (number - 1) / len(STRETCHES))
         parts = [d.between(d.start, d.start + share * (len(d) - 1) * d.dt) for d in datasets]
-        found = fit_parameters(model_now, [(d, choose_windows(model_now, d)) for d in parts], limits, at_rest)
+        found = fit_output_error(
+            model_now, [(d, choose_windows(model_now, d)) for d in parts], limits, at_rest
+        )
         iterations += found.evaluations
         model_now, converged = found.model, found.converged and not found.fled
         message = "converged" if converged else f"not converged on {100 * share:.0f} % of the recording"

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.correlation import autocorrelation, correlation
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import after_settling, channels, innovations
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.tuning import initial_noise, tune_noise
 from haptic_teleop_sysid.recordings.dataset import DataSet
@@ -56,8 +56,8 @@ class Residuals:
 def residual_analysis(fit: Fit, record: Record, lags: int = 50) -> list[Residuals]:
     """Correlations of the innovations of each encoder that takes part, up to `lags` samples either side."""
     packed = pack(fit.model)
-    e = settled(record, innovations(packed, fit.noise, record).innovation)
-    u = settled(record, record.input)
+    e = after_settling(record, innovations(packed, fit.noise, record).innovation)
+    u = after_settling(record, record.input)
     place = {0: "motor", 1: "arm"}
     return [
         correlations(e[:, c], u, min(lags, len(u) // 4), f"{fit.model.joint}_{place[c]}.position")

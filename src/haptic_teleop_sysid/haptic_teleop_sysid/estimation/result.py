@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from haptic_teleop_sim.model import Model
 
-from .gauss_newton import Fit
+from .fit import Fit
 from .uncertainty import Uncertainty
 
 #: Standard errors between two methods beyond which one of them must be wrong.

@@ -10,15 +10,15 @@ from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import choose_windows
-from haptic_teleop_sysid.simulation.parameter_fit import fit_parameters as least_squares
+from haptic_teleop_sysid.simulation.parameter_fit import fit_output_error
 
 from .contradictions import contradictions
-from .gauss_newton import Limits, bounds
 from .prediction_error import cross_checked, prediction_error
 from .progress import Progress, silent
 from .progressive import progressive
 from .records import with_trusted_input
 from .result import Estimate
+from .step_limits import Limits, bounds
 
 METHODS = ("prediction-error", "output-error", "progressive")
 
@@ -97,7 +97,7 @@ def check_start(model: Model, limits: Limits | None) -> None:
 def _output_error(
     model: Model, datasets: Sequence[DataSet], at_rest: bool, limits: Limits | None
 ) -> Estimate:
-    found = least_squares(model, [(d, choose_windows(model, d)) for d in datasets], limits, at_rest)
+    found = fit_output_error(model, [(d, choose_windows(model, d)) for d in datasets], limits, at_rest)
     message = "converged" if found.converged else f"stopped at its limit of {found.evaluations} evaluations"
     if found.fled:
         message += f"; {', '.join(found.fled)} fled: the structure cannot follow the recording"

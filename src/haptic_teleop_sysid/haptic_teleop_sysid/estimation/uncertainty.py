@@ -22,10 +22,11 @@ from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, parameter_bounds
 from haptic_teleop_sysid.simulation.covariance import deviations, scaled_inverse, score_covariance
 
-from .gauss_newton import Fit, whiten
+from .fit import Fit
 from .likelihood import channels, innovations, settling
 from .noise import NoiseModel, observer_gain
 from .records import Record
+from .whitening import whiten
 
 FloatArray = NDArray[np.float64]
 

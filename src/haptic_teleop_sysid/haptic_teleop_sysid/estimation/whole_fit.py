@@ -19,24 +19,16 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.kernel import Packed, pack
 from haptic_teleop_sim.model import STRUCTURES, Model, parameter_bounds
 
-from .descent import Damping, Equations, Problem, maximise
-from .gauss_newton import (
-    OVERFLOW,
-    Fit,
-    Limits,
-    at_bound,
-    bounds,
-    clipped_step,
-    ends_with_its_model,
-    most_substeps,
-    substeps,
-    whiten,
-)
+from .fit import Fit, ends_with_its_model
+from .gauss_newton import Damping, Equations, Problem, maximise
 from .likelihood import FAILURES, channels, innovations, log_likelihood
 from .noise import NoiseModel, observer_gain
 from .parallel import side_by_side
+from .prediction_fit import OVERFLOW
 from .records import Record, thinned_to
+from .step_limits import Limits, at_bound, bounds, clipped_step, most_substeps, substeps
 from .tuning import LEVELS, initial_noise, level_bounds
+from .whitening import whiten
 
 FloatArray = NDArray[np.float64]
 

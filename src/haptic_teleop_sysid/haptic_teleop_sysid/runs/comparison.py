@@ -13,7 +13,7 @@ from haptic_teleop_sysid.estimation.residuals import Residuals, model_residuals
 from haptic_teleop_sysid.recordings.dataset import DataSet, load_dataset
 from haptic_teleop_sysid.recordings.preparation import with_damage_told
 from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
-from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_parameters
+from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_output_error
 from haptic_teleop_sysid.simulation.windows import Windows
 
 
@@ -67,7 +67,7 @@ def compare(
         for name in models:
             refuse_idle(data[name, learned])
         fitted = {
-            name: fit_parameters(model, [(data[name, learned], windows[learned])])
+            name: fit_output_error(model, [(data[name, learned], windows[learned])])
             for name, model in models.items()
         }
         models = {name: found.model for name, found in fitted.items()}

@@ -16,7 +16,7 @@ from haptic_teleop_sysid.diagnosis.inputs.cuts import MOST_SAMPLES, with_cuts_to
 from haptic_teleop_sysid.diagnosis.inputs.one_run import with_one_run_told
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_implausible, with_contradictions
 from haptic_teleop_sysid.diagnosis.inputs.reversed_input import reversed_input
-from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, settled
+from haptic_teleop_sysid.diagnosis.report.beside_given import handed_on, with_numerical_held
 from haptic_teleop_sysid.diagnosis.report.next_experiment import write_experiment
 from haptic_teleop_sysid.diagnosis.report.page import diagnosis_page
 from haptic_teleop_sysid.diagnosis.report.page_steps import Origin
@@ -120,7 +120,7 @@ def diagnose_into(
     content |= {"runtime_s": round(time.perf_counter() - began, 2), "version": tool_version()}
     write_json(output / "diagnosis.json", content)
     place = output / "augmented_model.yaml"
-    handed = replace(settled(handed_on(proof)[1]), source=str(place))
+    handed = replace(with_numerical_held(handed_on(proof)[1]), source=str(place))
     handed.save(place, comments(content))
     scenario = write_scenario(output, handed, place.name)
     write_experiment(output, model, content["next_experiment"], estimation[0].input_unit)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.other_forms import spread_by_form
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.result import Estimate
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty, widened

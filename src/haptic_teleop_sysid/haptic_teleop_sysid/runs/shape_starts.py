@@ -13,8 +13,8 @@ import numpy as np
 
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.inputs.scales import Scales, recording_scales
-from haptic_teleop_sysid.estimation.gauss_newton import Limits, bounds
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import Limits, bounds
 
 #: The largest of what a typical size is of: a joint that mostly rests moves far faster than on average.
 _LARGEST = {"velocity": "fastest", "torque": "peak"}

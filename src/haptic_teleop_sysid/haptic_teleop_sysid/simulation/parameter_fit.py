@@ -53,7 +53,7 @@ class ParameterFit:
     std: dict[str, float] = field(default_factory=dict)
 
 
-def fit_parameters(
+def fit_output_error(
     model: Model,
     data: Sequence[tuple[DataSet, Windows]],
     limits: Mapping[str, tuple[float, float]] | None = None,

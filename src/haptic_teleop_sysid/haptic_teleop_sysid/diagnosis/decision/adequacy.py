@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import FAILURES, settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, after_settling
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import left_over
@@ -154,7 +154,7 @@ def adequacy(
     white: Callable[[], bool] = lambda: False,
 ) -> Adequacy:
     """Adequacy of what ``after`` has and ``before`` has not, on ``records`` of both kinds; errors: those of
-    their free runs on either kind (see `second_opinion.Errors`); ``random_left``, ``follows``, ``worse``: as
+    their free runs on either kind (see `second_method.Errors`); ``random_left``, ``follows``, ``worse``: as
     there, but what is left is not random where names explain less than half and it is more than chance has
     left beside such names, or, where innovations are ``white`` by the strict test, than it leaves where
     nothing is named. ``by_torque``: ``after`` with the sizes that the torques want
@@ -198,7 +198,7 @@ def _added(fit: Fit, records: Sequence[Record]) -> np.ndarray:
 
     def rms(record: Record) -> float:
         try:
-            torque = settled(record, left_over(fit, record).torque)
+            torque = after_settling(record, left_over(fit, record).torque)
         except FAILURES:
             return np.inf
         return float(np.sqrt(np.sum(np.mean(torque**2, axis=0))))

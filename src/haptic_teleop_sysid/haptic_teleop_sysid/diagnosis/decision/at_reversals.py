@@ -14,7 +14,7 @@ from typing import Any
 
 from haptic_teleop_sim.effects import EFFECTS, locations
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.reversals import Jump, jump
@@ -204,5 +204,5 @@ def seen_apart(friction: Effect, std: float, told: str, baseline: Fit) -> dict[s
     model = baseline.model
     fit = replace(baseline, model=model.with_effects(friction))
     errors = {f"{friction.location}.{friction.effect}.{friction.entry.jumps}": std}
-    explanation = Explanation(fit, 0.0, 0.0, True, len(model.effects), std=errors, witnessed=told)
+    explanation = Explanation(fit, 0.0, 0.0, True, len(model.effects), std=errors, grounds=told)
     return finding(Choice(explanation, NOT_SURE), fit, {}, NOT_SURE)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from haptic_teleop_sim.model import STRUCTURES
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.feedback import in_open_loop

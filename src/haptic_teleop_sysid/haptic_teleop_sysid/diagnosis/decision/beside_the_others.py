@@ -11,20 +11,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.inverse_dynamics.terms import Hypothesis
-from ..evidence.second_opinion import NO_WORSE
+from ..evidence.second_method import NO_WORSE
 from ..hypotheses.candidates import goes_with
 from ..policy import CLEAR_GAIN, ERRS_LESS, FITS_WORSE, LEAST_HELD_OUT, NOTICEABLE
 from .adequacy import Adequacy
 from .corroborated import Corroboration
 from .decide import Choice
 from .finding import size_unknown
-from .opinion_as_result import fit_of
 from .search import SearchResult
+from .second_method_as_result import fit_of
 
 
 def earned(
@@ -129,11 +129,11 @@ def _against(
 def without(result: SearchResult, effect: Effect, records: Sequence[Record]) -> Fit:
     """The fit of a result without one of its effects, the others fitted again: by whoever named them."""
     fit = result.final
-    if result.witness is not None:
-        model, named = result.witness.structure.model, (c.chosen.effect for c in result.choices)
+    if result.searched is not None:
+        model, named = result.searched.structure.model, (c.chosen.effect for c in result.choices)
         kept = (e for e in named if (e.effect, e.location) != (effect.effect, effect.location))
         rest = tuple(Hypothesis.resized(e, model.place(e.location)) for e in kept)
-        return fit_of(result.witness.group_of(rest), fit, records)
+        return fit_of(result.searched.group_of(rest), fit, records)
     gone = [effect]
     beside = goes_with(effect, fit.model)
     known = (*result.baseline.model.effects, *(c.chosen.effect for c in result.choices))

@@ -16,15 +16,15 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..evidence.inverse_dynamics.witness import Group, Witness
-from ..evidence.second_opinion import Opinion
+from ..evidence.inverse_dynamics.group_search import Group, SearchedGroups
+from ..evidence.second_method import SecondMethod
 from ..hypotheses.candidates import family
 from ..policy import LEAST_EXPLAINED
 from .at_reversals import Turning
 from .in_part import InPart, found_in_part, found_one_by_one, where_the_rest_is, with_found
-from .opinion_as_result import fit_of
 from .reasons import Doubt
 from .search import SearchResult
+from .second_method_as_result import fit_of
 from .stand_in import StandIn
 from .verdict import Verdict
 
@@ -37,7 +37,7 @@ def with_names(
     result: SearchResult,
     doubt: Doubt | None,
     instead: StandIn | None,
-    opinion: Opinion | None,
+    second_method: SecondMethod | None,
     records: Sequence[Record],
     spread: Callable[[Model], dict[str, float]],
     turning: Turning,
@@ -46,16 +46,16 @@ def with_names(
     against them is that they explain too little, else, or where none of them stands, those of `leading`;
     ``result``: with its baseline, ``records``: of the estimation, ``spread``: by how much sizes of a model's
     effects differ (see `verdict.finding`), ``turning``: what shows where the motion turns."""
-    if opinion is None:
+    if second_method is None:
         return verdict
     if instead is not None and doubt is not None and doubt.short:
-        parts = most_or_seen(found_in_part(instead, result.baseline.model, opinion), turning)
+        parts = most_or_seen(found_in_part(instead, result.baseline.model, second_method), turning)
         if parts:
             verdict = with_found(verdict, parts, instead.fit, len(instead.effects), spread(instead.fit.model))
             return where_the_rest_is(verdict, parts)
     named: list[tuple[Group, InPart]] = []
-    for group in leading(opinion.witness):
-        named += [(group, one) for one in most_or_seen(found_one_by_one(group, opinion), turning)]
+    for group in leading(second_method.searched):
+        named += [(group, one) for one in most_or_seen(found_one_by_one(group, second_method), turning)]
     told = ((f["effect"], f["location"]) for f in verdict.findings)
     taken = {(name, location) for effect, location in told for name in family(effect)}
     for group, one in sorted(named, key=lambda pair: -pair[1].share):
@@ -90,7 +90,7 @@ def most_or_seen(parts: Sequence[InPart], turning: Turning) -> list[InPart]:
     return kept
 
 
-def leading(witness: Witness) -> list[Group]:
+def leading(searched: SearchedGroups) -> list[Group]:
     """The group of each number of effects that gains most, where it gains anything."""
-    best = (max(level, key=lambda group: group.gain) for level in witness.levels if level)
+    best = (max(level, key=lambda group: group.gain) for level in searched.levels if level)
     return [group for group in best if group.gain > 0.0]

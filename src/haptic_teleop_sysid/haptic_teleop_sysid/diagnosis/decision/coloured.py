@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.fine_curve import follows_input_finely

@@ -13,23 +13,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.terms import Hypothesis
-from ..evidence.second_opinion import Errors, Opinion
+from ..evidence.second_method import Errors, SecondMethod
 from ..hypotheses.follows import follows_from_motion
 from ..policy import ERRS_LESS, LEAST_GAIN
 
 
 @dataclass(frozen=True)
 class Corroboration:
-    """Asks free runs and torques of findings. ``errors``: of free runs (see `Errors`); ``opinion``: of the
-    inverse dynamics, None where their arithmetic failed."""
+    """Asks free runs and torques of findings. ``errors``: of free runs (see `Errors`); ``second_method``: of
+    the inverse dynamics, None where their arithmetic failed."""
 
     errors: Errors
-    opinion: Opinion | None
+    second_method: SecondMethod | None
 
     def __call__(self, fit: Fit, so_far: Fit, effect: Effect) -> bool:
         """Whether an effect of a fit is borne out, beside ``so_far``, the fit without it: the torques gain by
@@ -50,7 +50,7 @@ class Corroboration:
     def _instead(self, model: Model, effect: Effect) -> list[float]:
         """Error of the free runs with what the inverse dynamics name, where the effect is not among them, and
         no more effects than the model has."""
-        chosen = None if self.opinion is None else self.opinion.chosen
+        chosen = None if self.second_method is None else self.second_method.chosen
         if chosen is None or len(chosen.group.model.effects) > len(model.effects):
             return []
         names = [(e.effect, e.location) for e in chosen.group.effects]
@@ -59,9 +59,9 @@ class Corroboration:
     def by_torques(self, model: Model, effect: Effect) -> bool:
         """Whether the torques gain LEAST_GAIN by an effect of a model on stretches that were not fitted,
         beside the other effects with sizes of their own."""
-        if self.opinion is None or not adds_torque(effect):
+        if self.second_method is None or not adds_torque(effect):
             return False
-        folds = self.opinion.witness.folds
+        folds = self.second_method.searched.folds
         known = {(e.effect, e.location) for e in (*folds.model.effects, effect)}
         others = [e for e in model.effects if (e.effect, e.location) not in known and adds_torque(e)]
         own = Hypothesis.of(effect, model.place(effect.location))

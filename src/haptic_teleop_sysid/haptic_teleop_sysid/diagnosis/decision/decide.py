@@ -9,9 +9,9 @@ import numpy as np
 
 from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
-from ..evidence.certainty import covariance
+from ..evidence.certainty import parameter_covariance
 from ..hypotheses.candidates import family
 from ..hypotheses.enough import gains_enough
 from ..hypotheses.explanation import Explanation
@@ -198,7 +198,7 @@ def significant(explanation: Explanation) -> bool:
         if error is not None and abs(size) > SIGNIFICANT * error:
             return True
     shape = [n for n in fit.free if n.startswith(head) and n not in away]
-    names, scale, inverse = covariance(fit, shape)
+    names, scale, inverse = parameter_covariance(fit, shape)
     tested = [i for i, n in enumerate(names) if n in away]
     if not tested:
         return False

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
+from haptic_teleop_sysid.estimation.step_limits import Limits
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.held_out import judged

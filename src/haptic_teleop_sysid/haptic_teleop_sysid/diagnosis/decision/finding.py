@@ -11,7 +11,7 @@ import numpy as np
 
 from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
 from ..evidence.by_blocks import seen_steadily
 from ..evidence.certainty import standard_errors

@@ -23,7 +23,7 @@ import numpy as np
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -32,7 +32,7 @@ from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 from ..evidence.certainty import standard_errors
 from ..evidence.horizons import PERFECT
 from ..evidence.inverse_dynamics.effect_variables import SMOOTHED
-from ..evidence.second_opinion import NO_WORSE, Errors, Heard
+from ..evidence.second_method import NO_WORSE, Errors, JudgedGroup
 from ..policy import ERRS_LESS
 
 #: The model fitted to free runs of the estimation recordings.
@@ -48,22 +48,22 @@ _OTHERWISE = 5.0
 _SAME = 2.0
 
 
-def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: float) -> Heard:
+def sized_freely(judged: JudgedGroup, simulated: Simulated, errors: Errors, fastest: float) -> JudgedGroup:
     """The group with the sizes that its free runs want, where those err on other recordings by ERRS_LESS as
     much and by no more on those that were fitted; else as it is. ``errors``: of free runs as long as those of
-    the fit, like those in ``heard``. Standard errors hold what the two ways of fitting differ by.
+    the fit, like those in ``judged``. Standard errors hold what the two ways of fitting differ by.
     ``fastest``: top speed, rad/s."""
-    group = heard.group
+    group = judged.group
     try:
         found = _fitted(group.model, simulated, fastest)
         reached = errors(found.model)
     except (*FAILURES, ModelError):
-        return heard
-    before = [max(e, PERFECT) for e in heard.errors]
+        return judged
+    before = [max(e, PERFECT) for e in judged.errors]
     if found.fled or not reached[0] < NO_WORSE * before[0] or not reached[1] < ERRS_LESS * before[1]:
-        return heard
+        return judged
     if not _same_names(group.model, found.model):
-        return heard
+        return judged
     one, other = group.model.parameter_values(), found.model.parameter_values()
     std = {}
     for name, error in group.std.items():
@@ -71,7 +71,7 @@ def sized_freely(heard: Heard, simulated: Simulated, errors: Errors, fastest: fl
         # Half the squared difference is the variance of either, if they have the same.
         apart = (one[name] - other[name]) / math.sqrt(2.0) if name in one and name in other else 0.0
         std[name] = math.hypot(own if math.isfinite(own) else error, apart)
-    return Heard(replace(group, model=found.model, std=std, at_bound=()), heard.gain, reached)
+    return JudgedGroup(replace(group, model=found.model, std=std, at_bound=()), judged.gain, reached)
 
 
 def freely_sized(fit: Fit, simulated: Simulated, records: Sequence[Record], fastest: float) -> Fit | None:

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
-from ..evidence.second_opinion import Errors
+from ..evidence.second_method import Errors
 from ..policy import ERRS_LESS
 from .search import SearchResult
 

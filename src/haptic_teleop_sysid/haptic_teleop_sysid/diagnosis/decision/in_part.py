@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
+from ..evidence.inverse_dynamics.group_search import Group, SearchedGroups
 from ..evidence.inverse_dynamics.groups import CLEARLY, Search
 from ..evidence.inverse_dynamics.latent import Latent
 from ..evidence.inverse_dynamics.terms import Hypothesis
-from ..evidence.inverse_dynamics.witness import Group, Witness
-from ..evidence.second_opinion import APART, NEGLIGIBLE, Opinion
+from ..evidence.second_method import APART, NEGLIGIBLE, SecondMethod
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.follows import follows_from_motion
 from ..policy import LEAST_EXPLAINED, NEARLY_ALL
@@ -80,36 +80,36 @@ class InPart:
         )
 
 
-def found_in_part(instead: StandIn, model: Model, opinion: Opinion) -> list[InPart]:
+def found_in_part(instead: StandIn, model: Model, second_method: SecondMethod) -> list[InPart]:
     """The names of a stand-in that are surely there, the one that explains most first; ``model``: the
     structure; the inverse dynamics of every other stretch of all recordings judge."""
-    tried = () if opinion.chosen is None else opinion.chosen.group.hypotheses
+    tried = () if second_method.chosen is None else second_method.chosen.group.hypotheses
     known = {(h.entry.name, h.location): h for h in tried}
 
     def hypothesis(effect: Effect) -> Hypothesis:
         own = known.get((effect.effect, effect.location))
         return Hypothesis.of(effect, model.place(effect.location)) if own is None else own
 
-    return _those_that_stand(instead.effects, hypothesis, opinion.witness.folds, FREELY, alone=False)
+    return _those_that_stand(instead.effects, hypothesis, second_method.searched.folds, FREELY, alone=False)
 
 
-def found_one_by_one(group: Group, opinion: Opinion) -> list[InPart]:
+def found_one_by_one(group: Group, second_method: SecondMethod) -> list[InPart]:
     """The same of the names of a group of the inverse dynamics, which were not run freely; and what else each
     may be, where that gains nearly as much in its place."""
     own = dict(zip(_names(group), group.hypotheses, strict=True))
     found = _those_that_stand(
-        group.effects, lambda e: own[e.effect, e.location], opinion.witness.folds, ALONE, alone=True
+        group.effects, lambda e: own[e.effect, e.location], second_method.searched.folds, ALONE, alone=True
     )
-    return [_with_rivals(one, group, opinion.witness) for one in found]
+    return [_with_rivals(one, group, second_method.searched) for one in found]
 
 
-def _with_rivals(one: InPart, group: Group, witness: Witness) -> InPart:
+def _with_rivals(one: InPart, group: Group, searched: SearchedGroups) -> InPart:
     """A name of a group with what it is not told from: an effect in its place, by which the torques gain less
     by no more than NEGLIGIBLE times APART. A richer form of it is none, because it contains it."""
     name = one.effect.effect, one.effect.location
     rest = set(_names(group)) - {name}
     near: dict[tuple[str, str], tuple[Effect, float]] = {}
-    for other in itertools.chain.from_iterable(witness.levels):
+    for other in itertools.chain.from_iterable(searched.levels):
         behind = (group.gain - other.gain) / APART
         instead = [e for e in other.effects if (e.effect, e.location) not in rest]
         if len(other.effects) != len(group.effects) or len(instead) != 1 or behind > NEGLIGIBLE:
@@ -226,7 +226,7 @@ def with_found(
         with_it = replace(fit, model=replace(model, effects=effects))
         head = f"{one.effect.location}.{one.effect.effect}."
         std = {head + n: e for n, e in one.std.items()}
-        explanation = Explanation(with_it, 0.0, 0.0, True, index, std=std, witnessed=one.told())
+        explanation = Explanation(with_it, 0.0, 0.0, True, index, std=std, grounds=one.told())
         others = tuple((_in_its_place(explanation, e), share) for e, share in one.others)
         choice = Choice(explanation, one.adequacy * one.known, others)
         findings.append(finding(choice, with_it, spread, NOT_SURE))

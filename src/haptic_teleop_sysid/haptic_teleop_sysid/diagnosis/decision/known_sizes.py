@@ -7,75 +7,80 @@ from dataclasses import replace
 
 from haptic_teleop_sim.model import Effect
 
-from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import Errors, Heard, Opinion, named_by, plainer
+from ..evidence.inverse_dynamics.group_search import Group
+from ..evidence.second_method import Errors, JudgedGroup, SecondMethod, named_by, plainer
 from ..policy import CLEARLY_LESS, LEAST_KNOWN
 from .finding import size_known
 
 
-def with_known_sizes(opinion: Opinion, sized: Callable[[Heard], Heard], errors: Errors) -> Opinion:
-    """The opinion, its sizes ``sized``, without effects whose size is not known to LEAST_KNOWN: the least
-    known one is told in its plainer form, where that is in a group beside the same others, or left out, and
-    the others are sized anew, until all are known or one is left. Sizes that free runs do not know stay those
-    of the torques, where these know them. ``errors``: of free runs."""
-    assert opinion.chosen is not None
+def with_known_sizes(
+    second_method: SecondMethod, sized: Callable[[JudgedGroup], JudgedGroup], errors: Errors
+) -> SecondMethod:
+    """The second method, its sizes ``sized``, without effects whose size is not known to LEAST_KNOWN: the
+    least known one is told in its plainer form, where that is in a group beside the same others, or left out,
+    and the others are sized anew, until all are known or one is left. Sizes that free runs do not know stay
+    those of the torques, where these know them. ``errors``: of free runs."""
+    assert second_method.chosen is not None
 
-    def known_sizes(before: Heard) -> Heard:
+    def known_sizes(before: JudgedGroup) -> JudgedGroup:
         after = sized(before)
-        first, then = (_least_known(heard.group)[0] for heard in (before, after))
+        first, then = (_least_known(judged.group)[0] for judged in (before, after))
         spoilt = not then >= LEAST_KNOWN  # also where an error is no number
         return before if spoilt and first >= LEAST_KNOWN else after
 
-    heard = known_sizes(opinion.chosen)
-    while len(heard.group.effects) > 1:
-        known, least = _least_known(heard.group)
+    judged = known_sizes(second_method.chosen)
+    while len(judged.group.effects) > 1:
+        known, least = _least_known(judged.group)
         if known >= LEAST_KNOWN:
             break
-        own = heard.group
-        plain, other = _plainer(opinion, own, least), _instead(opinion, own, least)
+        own = judged.group
+        plain, other = _plainer(second_method, own, least), _instead(second_method, own, least)
         if plain is None and other is not None:
-            opinion = _in_its_place(opinion, own, other)
+            second_method = _in_its_place(second_method, own, other)
         group = plain or other or _without(own, least)
-        group = replace(group, explained=opinion.witness.folds.explained(group.hypotheses))
-        heard = known_sizes(Heard(group, heard.gain, errors(group.model)))
-    return replace(opinion, chosen=heard)
+        group = replace(group, explained=second_method.searched.folds.explained(group.hypotheses))
+        judged = known_sizes(JudgedGroup(group, judged.gain, errors(group.model)))
+    return replace(second_method, chosen=judged)
 
 
-def _plainer(opinion: Opinion, group: Group, index: int) -> Group | None:
-    """The witness's group with one effect in its plainer form and the same others; None where there is
-    none."""
+def _plainer(second_method: SecondMethod, group: Group, index: int) -> Group | None:
+    """The group of the inverse dynamics with one effect in its plainer form and the same others; None where
+    there is none."""
     names, own = named_by(group), group.hypotheses[index]
-    asked = (other for level in opinion.witness.levels for other in level)
+    asked = (other for level in second_method.searched.levels for other in level)
     found = (
         g for g in asked if plainer(named_by(g), names) and (own.entry.name, own.location) not in named_by(g)
     )
     return next(found, None)
 
 
-def _instead(opinion: Opinion, group: Group, index: int) -> Group | None:
+def _instead(second_method: SecondMethod, group: Group, index: int) -> Group | None:
     """The rival with another effect of known size in place of one, beside the same others, that gains most,
     and hardly less: of a spring whose pull hardly changes the slope is not known, and a constant torque is.
     None where there is none."""
     gone = group.effects[index]
     others = named_by(group) - {(gone.effect, gone.location)}
     found = (
-        heard.group
-        for heard, _ in opinion.rivals
-        if len(heard.group.effects) == len(group.effects)
-        and others < named_by(heard.group) != named_by(group)
-        and heard.group.gain > group.gain - CLEARLY_LESS
-        and _least_known(heard.group)[0] >= LEAST_KNOWN
+        judged.group
+        for judged, _ in second_method.rivals
+        if len(judged.group.effects) == len(group.effects)
+        and others < named_by(judged.group) != named_by(group)
+        and judged.group.gain > group.gain - CLEARLY_LESS
+        and _least_known(judged.group)[0] >= LEAST_KNOWN
     )
     return max(found, key=lambda g: g.gain, default=None)
 
 
-def _in_its_place(opinion: Opinion, gone: Group, group: Group) -> Opinion:
-    """The opinion in which a group has the weight of one that says the same, too, and the other has none."""
+def _in_its_place(second_method: SecondMethod, gone: Group, group: Group) -> SecondMethod:
+    """The second method in which a group has the weight of one that says the same, too, and the other has
+    none."""
     names, gone_names = named_by(group), named_by(gone)
-    others = [(heard, weight) for heard, weight in opinion.rivals if named_by(heard.group) != gone_names]
-    lost = sum(weight for _, weight in opinion.rivals) - sum(weight for _, weight in others)
+    others = [
+        (judged, weight) for judged, weight in second_method.rivals if named_by(judged.group) != gone_names
+    ]
+    lost = sum(weight for _, weight in second_method.rivals) - sum(weight for _, weight in others)
     rivals = [(h, weight + lost * (named_by(h.group) == names)) for h, weight in others]
-    return replace(opinion, rivals=tuple(sorted(rivals, key=lambda one: -one[1])))
+    return replace(second_method, rivals=tuple(sorted(rivals, key=lambda one: -one[1])))
 
 
 def _least_known(group: Group) -> tuple[float, int]:

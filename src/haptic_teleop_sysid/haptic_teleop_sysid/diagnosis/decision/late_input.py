@@ -10,7 +10,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.records import Record
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import at_most, by_itself
 from haptic_teleop_sysid.recordings.dataset import DataSet

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.certainty import standard_errors

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..evidence.measured_map import MeasuredMap
-from ..evidence.second_opinion import Errors
+from ..evidence.second_method import Errors
 from ..policy import OUTDONE_ERROR, OUTDONE_FROM, OUTDONE_TORQUE
 from .reasons import Doubt
 from .search import SearchResult

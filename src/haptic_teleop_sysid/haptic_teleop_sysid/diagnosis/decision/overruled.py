@@ -1,4 +1,4 @@
-"""When the second opinion is believed, and what it says as a result like any other."""
+"""When the second method is believed, and what it says as a result like any other."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 
 from ..evidence.horizons import PERFECT
+from ..evidence.inverse_dynamics.group_search import A_PARAMETER
 from ..evidence.inverse_dynamics.terms import Hypothesis
-from ..evidence.inverse_dynamics.witness import A_PARAMETER
-from ..evidence.second_opinion import NO_WORSE, Opinion, named_by, plainer
+from ..evidence.second_method import NO_WORSE, SecondMethod, named_by, plainer
 from ..policy import ERRS_FAR_LESS, ERRS_LESS, LEAST_GAIN
 from .adequacy import SLIGHT_ERROR
 from .corroborated import adds_torque
@@ -24,15 +24,18 @@ WANTED = 12.0
 
 
 def believed_instead(
-    opinion: Opinion, named: Sequence[Effect], first: tuple[float, float], coloured: Callable[[], bool]
+    second_method: SecondMethod,
+    named: Sequence[Effect],
+    first: tuple[float, float],
+    coloured: Callable[[], bool],
 ) -> bool:
-    """Whether the second opinion is believed; ``named``: what the first one found, ``first``: errors of its
-    free runs (see `second_opinion.Errors`), ``coloured``: whether its innovations show that its noise model
+    """Whether the second method is believed; ``named``: what the first one found, ``first``: errors of its
+    free runs (see `second_method.Errors`), ``coloured``: whether its innovations show that its noise model
     does not hold, which takes a fit and is asked only where it decides."""
-    if opinion.chosen is None:
+    if second_method.chosen is None:
         return False
     return errs_enough_less(
-        opinion.chosen.errors, first, lambda: _torques_agree(opinion, named) or coloured()
+        second_method.chosen.errors, first, lambda: _torques_agree(second_method, named) or coloured()
     )
 
 
@@ -50,12 +53,12 @@ def errs_enough_less(
     return min(math.prod(ratios), ratios[1]) < ERRS_FAR_LESS**2 or excused()
 
 
-def _torques_agree(opinion: Opinion, named: Sequence[Effect]) -> bool:
-    """Whether the second opinion has the names of the first one, ``named``, and other sizes; or others by
+def _torques_agree(second_method: SecondMethod, named: Sequence[Effect]) -> bool:
+    """Whether the second method has the names of the first one, ``named``, and other sizes; or others by
     which the torques gain LEAST_GAIN more, and as much for each name more, on stretches that were not fitted
     and beyond what each parameter must gain. What is no torque is not compared, nor is no name at all."""
-    assert opinion.chosen is not None
-    group, folds = opinion.chosen.group, opinion.witness.folds
+    assert second_method.chosen is not None
+    group, folds = second_method.chosen.group, second_method.searched.folds
     known = {(e.effect, e.location) for e in named}
     if named_by(group) == known:
         return True
@@ -76,24 +79,28 @@ def _free(effect: Effect) -> int:
     return sum(p.default is None or bool(p.turns) for p in effect.entry.parameters)
 
 
-def stands_next(opinion: Opinion, first: tuple[float, float]) -> bool:
-    """Whether the second opinion's names stand where the first one gave up what it had found: they explain
+def stands_next(second_method: SecondMethod, first: tuple[float, float]) -> bool:
+    """Whether the second method's names stand where the first one gave up what it had found: they explain
     most of what can be explained, and their free runs err no more than ``first``."""
-    chosen = opinion.chosen
-    return chosen is not None and opinion.explains_most and max(error_ratios(chosen.errors, first)) < NO_WORSE
+    chosen = second_method.chosen
+    return (
+        chosen is not None
+        and second_method.explains_most
+        and max(error_ratios(chosen.errors, first)) < NO_WORSE
+    )
 
 
-def more_plainly(opinion: Opinion, result: SearchResult, first: tuple[float, float]) -> bool:
-    """Whether the second opinion has the names of a result, one of them in its plainer form, explains most of
+def more_plainly(second_method: SecondMethod, result: SearchResult, first: tuple[float, float]) -> bool:
+    """Whether the second method has the names of a result, one of them in its plainer form, explains most of
     what can be explained with them, and runs nearly as well as the result, whose free runs err by ``first``;
     errors that are not worth a word (SLIGHT_ERROR) are as good as none."""
-    chosen = opinion.chosen
+    chosen = second_method.chosen
     names = {(c.chosen.effect.effect, c.chosen.effect.location) for c in result.choices}
     if chosen is None or not plainer({(e.effect, e.location) for e in chosen.group.effects}, names):
         return False
     pairs = zip(chosen.errors, first, strict=True)
     worse = max(max(own, SLIGHT_ERROR) / max(other, SLIGHT_ERROR) for own, other in pairs)
-    return opinion.explains_most and worse < 1.0 / ERRS_LESS
+    return second_method.explains_most and worse < 1.0 / ERRS_LESS
 
 
 def error_ratios(one: tuple[float, float], other: tuple[float, float]) -> list[float]:

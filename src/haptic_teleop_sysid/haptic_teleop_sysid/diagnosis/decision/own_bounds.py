@@ -38,7 +38,7 @@ def within_bounds(result: SearchResult, estimation: Sequence[Record]) -> tuple[S
 
 def _against(result: SearchResult, choice: Choice) -> str | None:
     """What speaks against a choice, None for nothing."""
-    if choice.chosen.by_current > 0.0 or choice.chosen.witnessed is not None:
+    if choice.chosen.by_current > 0.0 or choice.chosen.grounds is not None:
         return None
     effect, final = choice.chosen.effect, result.final
     named = f"{effect.effect} at {effect.location}"

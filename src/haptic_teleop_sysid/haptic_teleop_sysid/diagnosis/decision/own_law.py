@@ -80,7 +80,7 @@ def _shares(
 
 def _asked(result: SearchResult, choice: Choice) -> bool:
     chosen = choice.chosen
-    if chosen.by_current > 0.0 or chosen.witnessed is not None:
+    if chosen.by_current > 0.0 or chosen.grounds is not None:
         return False
     return own_variable(result.final.model, chosen.effect) is not None
 

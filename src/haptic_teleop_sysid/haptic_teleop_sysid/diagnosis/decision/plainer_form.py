@@ -11,8 +11,9 @@ from dataclasses import replace
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import Limits
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..hypotheses.explanation import by_chance

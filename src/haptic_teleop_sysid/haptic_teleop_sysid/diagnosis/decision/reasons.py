@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.dataset import DataSet
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.actuator import joined
+from ..evidence.inverse_dynamics.group_search import SearchedGroups
 from ..evidence.inverse_dynamics.late_channels import late_channels
-from ..evidence.inverse_dynamics.witness import Witness
 from ..evidence.isolable import nats_apart
 from ..evidence.shown_by_current import Shown
 from ..hypotheses.explanation import Explanation
@@ -42,9 +42,9 @@ class SearchResult:
     per effect found; ``last_round``: what was tried after the last choice and did not stand up; ``nameless``:
     what explains the recordings (or what the choices leave) better than anything that has a name;
     ``given_up``: what was found and is not believed; ``by_torque``: ``final`` with the sizes that the torques
-    want, where its own are those that free runs want; ``witness``: whose names these are, None where they are
-    the search's own; ``settled``: parameters of the structure for which all of ``final`` is fitted to both
-    kinds of recordings (see `Group`).
+    want, where its own are those that free runs want; ``searched``: whose names these are, None where they
+    are the search's own; ``settled``: parameters of the structure for which all of ``final`` is fitted to
+    both kinds of recordings (see `Group`).
     """
 
     baseline: Fit
@@ -55,7 +55,7 @@ class SearchResult:
     nameless: Choice | None = None
     given_up: tuple[GivenUp, ...] = ()
     by_torque: Fit | None = None
-    witness: Witness | None = None
+    searched: SearchedGroups | None = None
     settled: tuple[str, ...] = ()
 
     def giving_up(self, choices: Sequence[Choice], why: str) -> SearchResult:

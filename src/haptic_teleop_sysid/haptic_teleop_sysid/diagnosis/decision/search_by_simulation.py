@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.simulated import explore_simulated, simulation_noise

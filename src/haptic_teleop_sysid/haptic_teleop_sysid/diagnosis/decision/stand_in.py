@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
 from ..evidence.measured_map import A_GOOD_PART
-from ..evidence.second_opinion import Errors
+from ..evidence.second_method import Errors
 from .reasons import Doubt
 
 

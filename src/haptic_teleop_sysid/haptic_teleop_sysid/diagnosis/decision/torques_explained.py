@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ..evidence.inverse_dynamics.terms import Hypothesis
-from ..evidence.second_opinion import Errors, Opinion
+from ..evidence.second_method import Errors, SecondMethod
 from ..hypotheses.follows import follows_from_motion
 from ..policy import ERRS_FAR_LESS, LEAST_EXPLAINED
 from .corroborated import adds_torque
@@ -15,7 +15,7 @@ from .reasons import Doubt
 from .search import SearchResult
 
 
-def inadequate(result: SearchResult, opinion: Opinion, errors: Errors) -> Doubt | None:
+def inadequate(result: SearchResult, second_method: SecondMethod, errors: Errors) -> Doubt | None:
     """The doubt about a name whose torque is far from what the same quantities explain without a form.
 
     Not where the inverse dynamics know the structure far less well than the search that named it: in a force
@@ -25,11 +25,11 @@ def inadequate(result: SearchResult, opinion: Opinion, errors: Errors) -> Doubt 
     if not told:
         return None
     others = [c.chosen.effect for c in result.choices if c not in told]
-    theirs = opinion.witness.with_names(group)
+    theirs = second_method.searched.with_names(group)
     there = errors(theirs.with_effects(*others) if others else theirs)
     if math.prod(error_ratios(errors(result.final.model), there)) < ERRS_FAR_LESS**2:
         return None
-    for choice, adequacy in zip(told, opinion.witness.folds.adequacies(group), strict=True):
+    for choice, adequacy in zip(told, second_method.searched.folds.adequacies(group), strict=True):
         if adequacy < LEAST_EXPLAINED:
             name = choice.chosen.effect.effect
             why = (
@@ -40,33 +40,33 @@ def inadequate(result: SearchResult, opinion: Opinion, errors: Errors) -> Doubt 
     return None
 
 
-def explained_along(result: SearchResult, opinion: Opinion) -> float:
+def explained_along(result: SearchResult, second_method: SecondMethod) -> float:
     """Share of the torque that the motion asks for and the structure does not have which the findings that
     are torques along the motion explain, on stretches that were not fitted."""
-    return opinion.witness.folds.explained(_along_motion(result)[1])
+    return second_method.searched.folds.explained(_along_motion(result)[1])
 
 
-def explained_in_band(result: SearchResult, opinion: Opinion) -> float:
+def explained_in_band(result: SearchResult, second_method: SecondMethod) -> float:
     """The same of findings of the inverse dynamics, with what an actuator does; 0 where one of them was found
     otherwise. It counts the band of the motion alone, where an observer also corrects what readings round."""
-    group = _all_witnessed(result)
-    return opinion.witness.folds.explained(group) if group else 0.0
+    group = _all_with_grounds(result)
+    return second_method.searched.folds.explained(group) if group else 0.0
 
 
-def recovered(result: SearchResult, opinion: Opinion) -> float:
+def recovered(result: SearchResult, second_method: SecondMethod) -> float:
     """Share that findings of the inverse dynamics explain of what any torques do, or the one that explains
     least of what a torque in its own quantities does, where that is less: 1 where all is explained, or one of
     the findings was found otherwise, whose sizes are not those of the torques."""
-    group, witness = _all_witnessed(result), opinion.witness
+    group, searched = _all_with_grounds(result), second_method.searched
     if not group:
         return 1.0
-    whole = witness.folds.explained(group) / max(witness.recoverable, 1e-300)
-    return max(min(1.0, whole, *witness.folds.adequacies(group)), 0.0)
+    whole = searched.folds.explained(group) / max(searched.recoverable, 1e-300)
+    return max(min(1.0, whole, *searched.folds.adequacies(group)), 0.0)
 
 
-def _all_witnessed(result: SearchResult) -> tuple[Hypothesis, ...]:
+def _all_with_grounds(result: SearchResult) -> tuple[Hypothesis, ...]:
     """The findings as hypotheses; none where one of them is not from the inverse dynamics."""
-    if any(c.chosen.witnessed is None for c in result.choices):
+    if any(c.chosen.grounds is None for c in result.choices):
         return ()
     model, effects = result.baseline.model, [c.chosen.effect for c in result.choices]
     return tuple(Hypothesis.of(e, model.place(e.location)) for e in effects if adds_torque(e))

@@ -7,7 +7,7 @@ from typing import Any
 
 from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.residual import Condition, intervals, shares

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..evidence.measured_map import MeasuredMap
-from ..evidence.second_opinion import Errors
+from ..evidence.second_method import Errors
 from ..hypotheses.candidates import family
 from ..hypotheses.follows import follows_from_motion
 from ..inputs.scales import within_reach

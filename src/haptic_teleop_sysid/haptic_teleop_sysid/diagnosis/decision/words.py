@@ -44,7 +44,7 @@ def because(
     e = choice.chosen
     sentence = fitted.entry.sentence
     text = f"{sentence[0].upper()}{sentence[1:]} ({_numbers(fitted)}): " + (
-        e.witnessed
+        e.grounds
         or f"with it the log-likelihood of the recording rises by {e.gain:.0f}, and that of the other "
         f"recordings, which also choose, by {e.elsewhere:.0f}"
     )

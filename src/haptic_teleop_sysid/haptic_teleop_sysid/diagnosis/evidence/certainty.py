@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.simulation.covariance import deviations, scaled_inverse
 
 FloatArray = NDArray[np.float64]
 
 
-def covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, FloatArray]:
+def parameter_covariance(fit: Fit, held: Sequence[str]) -> tuple[list[str], FloatArray, FloatArray]:
     """Names (p) of what is known beside ``held``, and the covariance (p, p) of these in units of 1 / scale
     (p,). What is left of an information that the noise levels took can be zero or less by rounding: of those
     nothing is known."""
@@ -30,7 +30,7 @@ def standard_errors(fit: Fit, held: Sequence[str] = ()) -> dict[str, float]:
     errors = {name: float("inf") for name in fit.free if name not in held}
     if not np.all(np.isfinite(fit.information)):
         return errors
-    names, scale, inverse = covariance(fit, held)
+    names, scale, inverse = parameter_covariance(fit, held)
     found = deviations(inverse) / scale
     return errors | dict(zip(names, found.tolist(), strict=True))
 

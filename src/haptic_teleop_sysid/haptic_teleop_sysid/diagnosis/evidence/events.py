@@ -10,16 +10,17 @@ import scipy
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import (
+    after_settling,
     channels,
-    covariance,
+    innovation_covariance,
     innovations,
     seen,
-    settled,
     settling,
 )
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whitening import whiten
 
 from .residual import left_over
 from .whiteness import ROUNDING
@@ -107,7 +108,7 @@ def _stretches(
     inside, outside = {}, {}
     for name, values in quantities.items():
         if name != "time":
-            x = np.asarray(settled(record, values))[: count * size].reshape(count, size)
+            x = np.asarray(after_settling(record, values))[: count * size].reshape(count, size)
             rms = np.sqrt(np.mean(x**2, axis=1))
             inside[name], outside[name] = rms[strong], rms[~strong]
     return intervals, inside, outside
@@ -132,7 +133,7 @@ def steady_line(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float | None:
     common: list[float] | None = None
     for fit, records in fits:
         for record in records:
-            here = _lines(_whitened(fit, record), np.asarray(settled(record, record.input)), record.dt)
+            here = _lines(_whitened(fit, record), np.asarray(after_settling(record, record.input)), record.dt)
             near = 1.5 / (len(record) * record.dt)
             common = here if common is None else [f for f in common if any(abs(f - g) < near for g in here)]
             if not common:
@@ -173,8 +174,8 @@ def _whitened(fit: Fit, record: Record) -> FloatArray:
     """Settled innovations (n, channels) in units of what they usually are."""
     packed = pack(fit.model)
     used = channels(packed, record)
-    e = settled(record, innovations(packed, fit.noise, record).innovation)[:, used]
-    read = settled(record, seen(packed, record))[:, used] & np.isfinite(e)
+    e = after_settling(record, innovations(packed, fit.noise, record).innovation)[:, used]
+    read = after_settling(record, seen(packed, record))[:, used] & np.isfinite(e)
     usual = [np.median(np.abs(e[one, c])) if one.any() else 0.0 for c, one in enumerate(read.T)]
     least = np.sqrt(ROUNDING) * np.array(record.resolution)[used]
     return np.where(read, e, 0.0) / np.maximum(1.4826 * np.array(usual), least)
@@ -220,9 +221,9 @@ def _nats(fit: Fit, record: Record) -> FloatArray:
     """Negative log-likelihood of each settled sample (n,), but for a constant; 0 where nothing was read."""
     packed = pack(fit.model)
     errors = innovations(packed, fit.noise, record).innovation
-    spread = covariance(packed, record, errors)
+    spread = innovation_covariance(packed, record, errors)
     whitened, _ = whiten(packed, record, errors, np.zeros((len(record), 2, 0)))
-    read = settled(record, seen(packed, record))[:, : len(spread)]
+    read = after_settling(record, seen(packed, record))[:, : len(spread)]
     # One encoder alone by its own variance, both by their covariance.
     size = read @ np.log(np.diag(spread))
     size[read.all(axis=1)] = np.linalg.slogdet(spread)[1]

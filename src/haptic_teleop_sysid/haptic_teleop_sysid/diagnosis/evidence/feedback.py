@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations
 from haptic_teleop_sysid.estimation.records import Record
 

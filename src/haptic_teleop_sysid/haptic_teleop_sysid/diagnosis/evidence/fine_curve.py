@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import acting_torque, pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations
 from haptic_teleop_sysid.estimation.noise import observer
 from haptic_teleop_sysid.estimation.records import SHORTEST_PIECE, Record, piece
+from haptic_teleop_sysid.estimation.whitening import whiten
 
 from ..starts.answers import answers_to
 

@@ -24,16 +24,17 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from haptic_teleop_sim.kernel import Packed, pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import (
     FAILURES,
+    after_settling,
     channels,
-    covariance,
+    innovation_covariance,
     innovations,
     seen,
-    settled,
 )
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whitening import whiten, whitening_weight
 
 from ..inputs.scales import bridged
 from ..policy import CANNOT_TELL
@@ -108,10 +109,11 @@ def _asked(
     errors, slopes = whiten(packed, record, run.innovation, run.d_innovation)
     answer = _answer(packed, fit, record, run.innovation)
     every = seen(packed, record)[:, :count]
-    read = settled(record, every)
+    read = after_settling(record, every)
     quantities = _quantities(fit, record, run.states)
     constant = [
-        (settled(record, _convolved(values, answer)) * read).reshape(-1) for values in quantities.values()
+        (after_settling(record, _convolved(values, answer)) * read).reshape(-1)
+        for values in quantities.values()
     ]
     steady = np.column_stack([slopes, *constant])
     length = np.sqrt(np.sum(steady**2, axis=0))
@@ -138,7 +140,7 @@ def _answer(packed: Packed, fit: Fit, record: Record, innovation: FloatArray) ->
         pushed[at] += size
         moved = innovations(packed, fit.noise, replace(whole, input=pushed)).innovation - undisturbed
         found.append(moved[at : at + longest, : len(used)] / size)
-    weight = np.linalg.inv(np.linalg.cholesky(covariance(packed, record, innovation))).T
+    weight = whitening_weight(innovation_covariance(packed, record, innovation))
     answer = np.median(found, axis=0) @ weight
     if not np.all(np.isfinite(answer)):
         raise ArithmeticError("the observer's answer is not finite")

@@ -12,8 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import FAILURES, covariance, innovations, settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import (
+    FAILURES,
+    after_settling,
+    innovation_covariance,
+    innovations,
+)
 from haptic_teleop_sysid.estimation.records import Record
 
 
@@ -27,8 +32,8 @@ def nats_apart(one: Fit, other: Fit, records: Sequence[Record]) -> float:
             errors, others = (innovations(m, one.noise, record).innovation for m in (first, second))
         except FAILURES:  # no observer for this model with the other one's noise
             return np.inf
-        spread = covariance(first, record, errors)
-        apart = settled(record, errors - others)[:, : len(spread)]
+        spread = innovation_covariance(first, record, errors)
+        apart = after_settling(record, errors - others)[:, : len(spread)]
         if not np.all(np.isfinite(apart)) or not np.all(np.isfinite(spread)):
             return np.inf
         total += 0.5 * float(np.einsum("ni,ij,nj->", apart, np.linalg.pinv(spread, hermitian=True), apart))

@@ -20,9 +20,10 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.effects.torque_map import TorqueMap
 from haptic_teleop_sim.kernel import acting_torque, pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
-from haptic_teleop_sysid.estimation.likelihood import FAILURES, innovations, settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import FAILURES, after_settling, innovations
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whitening import whiten
 
 from ..hypotheses.follows import own_variable
 
@@ -84,7 +85,7 @@ def _knots(both: Sequence[tuple[Fit, Record]], quantity: str, place: str) -> tup
     parts = []
     for fit, record in both:
         states = innovations(pack(fit.model), fit.noise, record).states
-        parts.append(settled(record, _values(fit, record, states, quantity, place)))
+        parts.append(after_settling(record, _values(fit, record, states, quantity, place)))
     at = np.quantile(np.concatenate(parts), KNOTS)
     kept = [float(at[0])]
     for value in at[1:]:

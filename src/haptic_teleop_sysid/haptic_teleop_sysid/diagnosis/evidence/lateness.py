@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, by_sample, innovations, likelihood_of
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import side_by_side
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
+from haptic_teleop_sysid.estimation.step_limits import Limits
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..hypotheses.follows import is_lateness

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
@@ -30,7 +30,7 @@ from .inverse_dynamics.groups import Search
 from .inverse_dynamics.latent import IN_A_TURN, Latent
 from .places_of_maps import places_of
 from .reading_error import ReadingError
-from .second_opinion import Errors
+from .second_method import Errors
 from .suggested_law.entry_file import law_content
 from .suggested_law.of_map import law_of
 from .suggested_law.regression import Law

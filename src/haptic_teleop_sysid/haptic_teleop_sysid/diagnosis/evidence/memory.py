@@ -16,8 +16,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import after_settling
 from haptic_teleop_sysid.estimation.records import Record
 
 from .residual import LeftOver, left_over
@@ -79,9 +79,9 @@ def _side(
         columns = [np.ones(len(value))]
         for signal in signals:
             columns += [signal, *(_low_passed(signal, record.dt / time) for time in times)]
-        read = settled(record, left.read)
-        rows.append(settled(record, np.column_stack(columns))[read])
-        torque.append(settled(record, left.torque[:, channel])[read])
+        read = after_settling(record, left.read)
+        rows.append(after_settling(record, np.column_stack(columns))[read])
+        torque.append(after_settling(record, left.torque[:, channel])[read])
     return np.concatenate(rows), np.concatenate(torque)
 
 

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations, settling
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whitening import whiten
 
 FloatArray = NDArray[np.float64]
 

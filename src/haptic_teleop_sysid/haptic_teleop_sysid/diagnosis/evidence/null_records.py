@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack, simulate
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import covariance, innovations
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import innovation_covariance, innovations
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.records import Record, records_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
@@ -81,7 +81,7 @@ def _power(fit: Fit, record: Record) -> NDArray[np.float64]:
     """Mean squares of the innovations, (2,); 0 for an encoder that is not there."""
     packed = pack(fit.model)
     found = np.zeros(2)
-    own = np.diag(covariance(packed, record, innovations(packed, fit.noise, record).innovation))
+    own = np.diag(innovation_covariance(packed, record, innovations(packed, fit.noise, record).innovation))
     found[: len(own)] = own
     return found
 

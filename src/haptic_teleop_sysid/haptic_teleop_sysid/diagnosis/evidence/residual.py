@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import after_settling, channels, innovations
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..inputs.scales import bridged, velocity_of
@@ -123,9 +123,9 @@ def conditions(
 def _pooled(
     parts: Sequence[LeftOver], records: Sequence[Record], name: str, channel: int
 ) -> tuple[FloatArray, FloatArray]:
-    read = np.concatenate([settled(r, p.read) for p, r in zip(parts, records, strict=True)])
-    x = np.concatenate([settled(r, p.quantities[name]) for p, r in zip(parts, records, strict=True)])
-    y = np.concatenate([settled(r, p.torque[:, channel]) for p, r in zip(parts, records, strict=True)])
+    read = np.concatenate([after_settling(r, p.read) for p, r in zip(parts, records, strict=True)])
+    x = np.concatenate([after_settling(r, p.quantities[name]) for p, r in zip(parts, records, strict=True)])
+    y = np.concatenate([after_settling(r, p.torque[:, channel]) for p, r in zip(parts, records, strict=True)])
     return x[read], y[read]
 
 
@@ -162,7 +162,7 @@ def shares(fit: Fit, records: Sequence[Record]) -> dict[str, float]:
         return {"motor": 1.0}
     power = np.zeros((2, 2))
     for r in records:
-        torque = settled(r, left_over(fit, r).torque)
+        torque = after_settling(r, left_over(fit, r).torque)
         power += torque.T @ torque / len(torque)
     opposite = float(np.clip(-power[0, 1], 0.0, min(power[0, 0], power[1, 1])))
     found = {

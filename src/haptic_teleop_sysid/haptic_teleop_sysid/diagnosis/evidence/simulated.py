@@ -1,4 +1,4 @@
-"""Explanations judged by freely running simulation: the second opinion where one-step prediction is blind."""
+"""Explanations judged by freely running simulation, where one-step prediction is blind."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import likelihood_of
 from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import side_by_side
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 

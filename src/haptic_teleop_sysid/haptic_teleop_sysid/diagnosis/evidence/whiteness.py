@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.estimation.correlation import correlation
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import channels, innovations, seen, settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import after_settling, channels, innovations, seen
 from haptic_teleop_sysid.estimation.records import Record
 
 #: Lags of the portmanteau test; of white innovations it is 25 on average, and 53 once in a thousand.
@@ -47,8 +47,8 @@ def in_steps(fit: Fit, records: Sequence[Record]) -> float:
 def _of_motor(fit: Fit, record: Record) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The motor's settled innovations (n,), and which of them are of a reading (n,)."""
     packed = pack(fit.model)
-    e = settled(record, innovations(packed, fit.noise, record).innovation)[:, 0]
-    return e, settled(record, seen(packed, record))[:, 0]
+    e = after_settling(record, innovations(packed, fit.noise, record).innovation)[:, 0]
+    return e, after_settling(record, seen(packed, record))[:, 0]
 
 
 def ljung_box(e: NDArray[np.float64], read: NDArray[np.bool_], lags: int = LAGS) -> float:
@@ -82,8 +82,8 @@ def heaviness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> dict[tuple[int, i
     for fit, records in fits:
         packed = pack(fit.model)
         for record in records:
-            e = settled(record, innovations(packed, fit.noise, record).innovation)
-            read = settled(record, seen(packed, record)) & np.isfinite(e)
+            e = after_settling(record, innovations(packed, fit.noise, record).innovation)
+            read = after_settling(record, seen(packed, record)) & np.isfinite(e)
             for c in channels(packed, record):
                 for size in SUMMED:
                     ratio = _heaviness(e[read[:, c], c], size, float(record.resolution[c]))
@@ -115,8 +115,8 @@ def unsteadiness(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
         for record in records:
             used = channels(packed, record)
             least[[c for c in (0, 1) if c not in used]] = 0.0
-            read = settled(record, seen(packed, record))
-            power = settled(record, innovations(packed, fit.noise, record).innovation) ** 2
+            read = after_settling(record, seen(packed, record))
+            power = after_settling(record, innovations(packed, fit.noise, record).innovation) ** 2
             for c in used:
                 known = power[read[:, c], c]
                 if not len(known):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
 #: Nats that a parameter gains by chance, and one that was sought over a whole scale (an order, a frequency,
 #: a place): the best of many values fits noise better than a single one.
@@ -26,7 +26,7 @@ class Explanation:
     `held_out.reconciled`).  ``by_current``: how many of these nats (both kinds)
     the measured current gives; ``std``: uncertainty of a parameter that the current determined; ``beside``:
     an effect of the recorded current alone, which the model, driven by the command, has no need of;
-    ``witnessed``: what speaks for it in words, where it was not likelihoods that found it. ``gains``: what
+    ``grounds``: what speaks for it in words, where it was not likelihoods that found it. ``gains``: what
     it gains in each block of both kinds of recordings, (recordings, blocks), None where that is not known.
     """
 
@@ -39,7 +39,7 @@ class Explanation:
     by_current: float = 0.0
     std: dict[str, float] = field(default_factory=dict)
     beside: Effect | None = None
-    witnessed: str | None = None
+    grounds: str | None = None
     gains: NDArray[np.float64] | None = field(default=None, compare=False, repr=False)
 
     @property

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 
 from .explanation import Explanation
 

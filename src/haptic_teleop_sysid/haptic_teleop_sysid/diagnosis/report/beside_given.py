@@ -73,7 +73,7 @@ def handed_on(proof: Proof) -> tuple[str, Model]:
     return "given", proof.models["given"]
 
 
-def settled(model: Model) -> Model:
+def with_numerical_held(model: Model) -> Model:
     """The model with what only the arithmetic of its effects needs (how far a sticking contact gives) held:
     a later `estimate` or `trend` could not find it anew from any recording."""
     held = [

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.descent import gauss_newton_step
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, bounds, normal_equations
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.gauss_newton import gauss_newton_step
+from haptic_teleop_sysid.estimation.prediction_fit import normal_equations
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import bounds
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.relative_scale import relative_to
 from haptic_teleop_sysid.simulation.covariance import scaled_inverse

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
-from haptic_teleop_sysid.estimation.likelihood import settled
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.likelihood import after_settling
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..decision.adequacy import OVERFLOWS
@@ -178,7 +178,7 @@ def disturbance(result: SearchResult, fit: Fit, records: Sequence[Record]) -> di
     """Rms of the torques that the observer of a fit adds on the estimation recordings, relative to that of
     the input torque, by equation; None where it has overflowed, or nearly so: no number stands for that."""
     with np.errstate(over="ignore", invalid="ignore"):
-        added = np.concatenate([settled(r, left_over(fit, r).torque) for r in records])
+        added = np.concatenate([after_settling(r, left_over(fit, r).torque) for r in records])
         found = np.sqrt(np.mean(added**2, axis=0)) / result.scales.size["torque"]
     model = fit.model
     places = [model.location("motor")] if model.rigid else [model.location("motor"), model.location("arm")]

@@ -17,7 +17,8 @@ from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sim.position_loop import in_position_loop
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, fit_parameters, normal_equations
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters, normal_equations
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..evidence.certainty import standard_errors

@@ -11,7 +11,7 @@ import numpy as np
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.estimation.gauss_newton import normal_equations
+from haptic_teleop_sysid.estimation.prediction_fit import normal_equations
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 

@@ -19,6 +19,7 @@ from ..decision.verdict import Verdict
 from ..evidence.proof import MODELS, PARTS, Proof
 from ..evidence.residual import left_over
 from . import page_columns
+from .inverse_dynamics import inverse_dynamics_section
 from .page_law import LawCurve, condition_plot, law_curves, law_plot
 from .page_lead import lead
 from .page_map import map_section
@@ -26,7 +27,6 @@ from .page_reading import reading_section
 from .page_reasons import curves_table, given_up, reasons, tried
 from .page_steps import Origin, steps
 from .summary import PART_LABELS, percent
-from .testimony import testimony_section
 
 #: What the three models mean, as `report.roles` has it.
 ROLES = ("given", "re-estimated", "augmented")
@@ -70,7 +70,7 @@ def diagnosis_page(
                 page.section(title, folded=True).plot(
                     _response(dataset, proof, part, number), f"Measured and simulated, {dataset.name}"
                 )
-    testimony_section(page, content)
+    inverse_dynamics_section(page, content)
     given_up(page, result)
     tried(page, result)
     seen = [(name, p) for name, told in content["recordings"].items() for p in told]

@@ -14,10 +14,10 @@ from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
 from ..policy import HOLDS_BETTER, SUREST
 from .contents import not_believed
+from .inverse_dynamics import at_reversals, second_method_sentence
 from .law_torque import TIME
 from .page_law import LawCurve, explained_after
 from .page_lead import parameter_text
-from .testimony import at_reversals, second_method
 
 #: What the share of a place is one of: with names, and without.
 _GAINED, _LEFT = "share of the gain in log-likelihood", "share of the left-over torque"
@@ -43,7 +43,7 @@ def reasons(page: Page, verdict: Verdict, content: dict[str, Any], curves: list[
     if any(f["confidence"] == round(surest, 4) for f in verdict.findings):
         section.text(_ceiling(verdict, surest))
     if verdict.findings:
-        section.text(second_method(content))
+        section.text(second_method_sentence(content))
     for one in content.get("reversals", ()):
         section.text(at_reversals(one))
     for c in curves:

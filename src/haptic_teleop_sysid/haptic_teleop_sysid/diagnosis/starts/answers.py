@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from haptic_teleop_control.compiled import njit
 from haptic_teleop_sim.effects import EffectEntry, EffectParameter
 from haptic_teleop_sim.kernel import pack
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, whiten
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, channels, innovations
 from haptic_teleop_sysid.estimation.noise import observer
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.whitening import whiten
 
 from ..hypotheses.along_motion import columns, variables_along
 

@@ -16,10 +16,11 @@ import numpy as np
 from haptic_teleop_sim.effects import EFFECTS, EffectEntry
 from haptic_teleop_sim.effects.hypothesis import Refinement
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import Limits
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole
 
 from ..hypotheses.candidates import family

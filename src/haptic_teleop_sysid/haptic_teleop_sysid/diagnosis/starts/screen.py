@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 
 from haptic_teleop_sim.kernel import Prediction, pack
 from haptic_teleop_sim.model import Effect, Model
-from haptic_teleop_sysid.estimation.descent import gauss_newton_step
-from haptic_teleop_sysid.estimation.gauss_newton import OVERFLOW, Fit, bounds, whiten
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.gauss_newton import gauss_newton_step
 from haptic_teleop_sysid.estimation.likelihood import FAILURES, innovations, log_likelihood
 from haptic_teleop_sysid.estimation.parallel import side_by_side
+from haptic_teleop_sysid.estimation.prediction_fit import OVERFLOW
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import bounds
+from haptic_teleop_sysid.estimation.whitening import whiten
 
 from ..hypotheses.candidates import shape_parameters
 

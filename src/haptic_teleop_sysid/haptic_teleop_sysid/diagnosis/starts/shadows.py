@@ -13,8 +13,9 @@ from dataclasses import replace
 
 from haptic_teleop_sim.effects import locations
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import Limits
 
 from ..hypotheses.candidates import companion, family
 from .trials import best_of_each, polish, with_companion

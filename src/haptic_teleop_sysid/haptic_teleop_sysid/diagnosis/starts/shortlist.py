@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit, Limits, fit_parameters
+from haptic_teleop_sysid.estimation.fit import Fit
+from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.estimation.step_limits import Limits
 
 from ..hypotheses.candidates import Scanned, candidates
 from ..inputs.scales import Scales

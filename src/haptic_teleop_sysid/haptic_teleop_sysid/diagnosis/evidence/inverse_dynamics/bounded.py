@@ -1,4 +1,4 @@
-"""Least squares of a few numbers within bounds, from products of columns: compiled, because a witness asks
+"""Least squares of a few numbers within bounds, from products of columns: compiled, because a searched asks
 for thousands of such solutions, each of less than ten numbers.
 
 An active set (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23; Stark and Parker,

@@ -36,7 +36,7 @@ STEADY = 1e-6
 #: machines at least 0.02, of those that say the same as others 0.002 or less.
 LEAST_OWN = 0.01
 #: Torques without a form that together say what could be explained.
-MOST_SHAPELESS = 2
+MOST_FREE_CURVES = 2
 #: The parameter that multiplies the motor's acceleration.
 INERTIA = "motor_inertia"
 
@@ -187,7 +187,7 @@ class Search:
         for side in self.sides:
             side.forget(gone)
 
-    def shapeless(self, beside: Chosen, most: int = MOST_SHAPELESS) -> tuple[Latent, ...]:
+    def free_curves(self, beside: Chosen, most: int = MOST_FREE_CURVES) -> tuple[Latent, ...]:
         """Up to ``most`` torques without a form, as long as each explains more, beside some effects."""
         found: tuple[Latent, ...] = ()
         for _ in range(most):

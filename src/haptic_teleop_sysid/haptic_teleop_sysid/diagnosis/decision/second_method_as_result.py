@@ -1,4 +1,4 @@
-"""The second opinion as a result like any other."""
+"""The second method as a result like any other."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.estimation.gauss_newton import Fit
+from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from ..evidence.inverse_dynamics.witness import Group
-from ..evidence.second_opinion import Errors, Opinion
+from ..evidence.inverse_dynamics.group_search import Group
+from ..evidence.second_method import Errors, SecondMethod
 from ..hypotheses.explanation import Explanation
 from ..hypotheses.twins import twins
 from ..policy import LEAST_EXPLAINED
@@ -22,37 +22,37 @@ from .search import SearchResult
 
 
 def as_result(
-    opinion: Opinion,
+    second_method: SecondMethod,
     predicted: SearchResult,
     records: Sequence[Record],
     errors: Errors,
     simulated: Simulated,
 ) -> tuple[SearchResult, Doubt | None]:
-    """The second opinion as a search's result, and the doubt where its name explains too little; ``errors``,
+    """The second method as a search's result, and the doubt where its name explains too little; ``errors``,
     ``simulated``: see `free_run_sizes`."""
-    assert opinion.chosen is not None
+    assert second_method.chosen is not None
     # The sizes are those of runs as long as the reported ones.
-    heard = replace(opinion.chosen, errors=errors(opinion.chosen.group.model))
+    judged = replace(second_method.chosen, errors=errors(second_method.chosen.group.model))
     fastest = predicted.scales.size["fastest"]
-    opinion = with_known_sizes(
-        replace(opinion, chosen=heard), lambda h: sized_freely(h, simulated, errors, fastest), errors
+    second_method = with_known_sizes(
+        replace(second_method, chosen=judged), lambda h: sized_freely(h, simulated, errors, fastest), errors
     )
-    assert opinion.chosen is not None
+    assert second_method.chosen is not None
     baseline = predicted.baseline
-    alone = opinion.witness.structure
+    alone = second_method.searched.structure
     if errors(alone.model)[0] < errors(baseline.model)[0]:
         baseline = fit_of(alone, baseline, records)
-    group = opinion.chosen.group
+    group = second_method.chosen.group
     final = fit_of(group, baseline, records)
-    sized = len(group.effects) == len(heard.group.effects) and group is not heard.group
-    other = fit_of(heard.group, baseline, records) if sized else None
-    adequacy = opinion.adequacy
+    sized = len(group.effects) == len(judged.group.effects) and group is not judged.group
+    other = fit_of(judged.group, baseline, records) if sized else None
+    adequacy = second_method.adequacy
     choices = tuple(
-        _choice(opinion, final, len(group.model.effects) - len(group.effects) + i)
+        _choice(second_method, final, len(group.model.effects) - len(group.effects) + i)
         for i in range(len(group.effects))
     )
     if adequacy < LEAST_EXPLAINED:
-        search = opinion.witness.folds
+        search = second_method.searched.folds
         shapes = {n for h in group.hypotheses for latent in search.alike(h) for n in latent.quantities}
         names = " and ".join(f"{e.effect} at {e.location}" for e in group.effects)
         why = (
@@ -63,7 +63,7 @@ def as_result(
         return bare, Doubt(choices[0], why, " and ".join(sorted(shapes)) or None, short=True)
     named = replace(predicted, baseline=baseline, final=final, choices=choices, by_torque=other)
     named = replace(named, settled=group.settled)
-    return replace(named, last_round=(), nameless=None, witness=opinion.witness), None
+    return replace(named, last_round=(), nameless=None, searched=second_method.searched), None
 
 
 def fit_of(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
@@ -71,17 +71,17 @@ def fit_of(group: Group, like: Fit, records: Sequence[Record]) -> Fit:
     return replace(as_fitted(group.model, group.std, like, records), at_bound=group.at_bound)
 
 
-def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
+def _choice(second_method: SecondMethod, final: Fit, index: int) -> Choice:
     """One effect of the chosen group, with its share of what is believed, and what else it may be."""
-    chosen, effect = opinion.chosen, final.model.effects[index]
+    chosen, effect = second_method.chosen, final.model.effects[index]
     assert chosen is not None
     own, others = 0.0, dict[tuple[str, str], tuple[Effect, float]]()
     known = {(e.effect, e.location) for e in chosen.group.effects}
-    for heard, weight in opinion.rivals:
-        if any((e.effect, e.location) == (effect.effect, effect.location) for e in heard.group.effects):
+    for judged, weight in second_method.rivals:
+        if any((e.effect, e.location) == (effect.effect, effect.location) for e in judged.group.effects):
             own += weight
             continue
-        for e in heard.group.effects:
+        for e in judged.group.effects:
             if (e.effect, e.location) not in known:
                 before = others.get((e.effect, e.location), (e, 0.0))[1]
                 others[e.effect, e.location] = (e, before + weight)
@@ -100,7 +100,7 @@ def _choice(opinion: Opinion, final: Fit, index: int) -> Choice:
         "for and the structure does not have, on recordings that were not fitted"
     )
     told += f", and a free run errs by {100 * chosen.errors[1]:.1f} % of the motion there"
-    explanation = Explanation(final, chosen.gain, 0.0, True, index, witnessed=told)
+    explanation = Explanation(final, chosen.gain, 0.0, True, index, grounds=told)
 
     def instead(other: Effect) -> Explanation:
         effects = (*final.model.effects[:index], other, *final.model.effects[index + 1 :])

@@ -1,6 +1,6 @@
-"""A second opinion on what is missing: groups of torques that the inverse dynamics name, run freely.
+"""The second method: groups of torques that the inverse dynamics name, judged by free runs, too.
 
-The first one judges by one-step prediction and by a model of the noise.  A real machine's innovations are
+The first method judges by one-step prediction and by a model of the noise.  A real machine's innovations are
 never white, and then that model buys colour with wrong inertias: what matters over a tenth of a second or a
 second hardly counts.  Band-limited inverse dynamics (`inverse_dynamics`) do not ask for the noise, and a free
 run does not correct.  What gains by both is believed over a name whose innovations show that its noise model
@@ -23,7 +23,7 @@ from ..hypotheses.admissible import admissible
 from ..inputs.scales import Scales
 from ..policy import AN_EFFECT, ERRS_LESS, LEAST_GAIN, NEARLY_ALL
 from .horizons import PERFECT
-from .inverse_dynamics.witness import Group, Witness
+from .inverse_dynamics.group_search import Group, SearchedGroups
 
 #: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
 #: recordings: halved on both it counts as much as two effects must gain.
@@ -46,7 +46,7 @@ Names = set[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Heard:
+class JudgedGroup:
     """A group with what it gains in all: by the inverse dynamics and by free runs; ``errors``: of those."""
 
     group: Group
@@ -55,58 +55,61 @@ class Heard:
 
 
 @dataclass(frozen=True)
-class Opinion:
+class SecondMethod:
     """``chosen``: the group that is believed, None where none is; ``rivals``: all of as many effects with
-    their weights, the chosen one first; ``witness``: what it comes from."""
+    their weights, the chosen one first; ``searched``: what it comes from."""
 
-    chosen: Heard | None
-    rivals: tuple[tuple[Heard, float], ...]
-    witness: Witness
+    chosen: JudgedGroup | None
+    rivals: tuple[tuple[JudgedGroup, float], ...]
+    searched: SearchedGroups
 
     @property
     def explains_most(self) -> bool:
         """Whether the chosen effects explain nearly all that torques without a form could."""
         if self.chosen is None:
             return False
-        return self.chosen.group.explained > NEARLY_ALL * self.witness.recoverable
+        return self.chosen.group.explained > NEARLY_ALL * self.searched.recoverable
 
     @cached_property
     def adequacy(self) -> float:
         """The least of the chosen effects' (see `Search.adequacies`); 0 where nothing is believed."""
         if self.chosen is None:
             return 0.0
-        return min(self.witness.folds.adequacies(self.chosen.group.hypotheses))
+        return min(self.searched.folds.adequacies(self.chosen.group.hypotheses))
 
 
-def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tuple[float, float]) -> Opinion:
-    """The opinion; ``before``: errors of the best that the structure alone does, however fitted."""
+def judge_groups(
+    searched: SearchedGroups, scales: Scales, errors: Errors, before: tuple[float, float]
+) -> SecondMethod:
+    """What the second method says of groups of effects; ``before``: errors of free runs of the best that the
+    structure alone does, however fitted."""
     floor = [max(e, PERFECT) for e in before]
 
-    def heard(group: Group) -> Heard | None:
+    def judge(group: Group) -> JudgedGroup | None:
         if not all(admissible(e, scales) for e in group.effects):
             return None
-        group = settled(witness, group, errors)
+        group = fitted_to_both(searched, group, errors)
         found = errors(group.model)
         # A free run that is no better than the mean says nothing for it, however bad the structure's is.
         if any(e > NO_WORSE * b or e >= 1.0 for e, b in zip(found, floor, strict=True)):
             return None
         ratios = [math.log(b / max(e, PERFECT)) for e, b in zip(found, floor, strict=True)]
-        return Heard(group, group.gain + FREE_RUN * sum(ratios), found)
+        return JudgedGroup(group, group.gain + FREE_RUN * sum(ratios), found)
 
-    chosen: Heard | None = None
-    rivals: list[Heard] = []
+    chosen: JudgedGroup | None = None
+    rivals: list[JudgedGroup] = []
     fewer = freely = 0.0  # the most that fewer effects gain, and that free runs have counted so far
-    for level in witness.levels:
+    for level in searched.levels:
         more = len(level[0].effects) - (len(chosen.group.effects) if chosen else 0)
         enough = (chosen.gain if chosen else 0.0) + AN_EFFECT * more
-        ranked: list[Heard] = []
+        ranked: list[JudgedGroup] = []
         for number, group in enumerate(level):
             if group.gain <= fewer:
                 break  # what explains no more torque than fewer effects do, or none, does not gain by both
             needed = max([enough, *(h.gain - NEGLIGIBLE * APART for h in ranked)])
             if number >= ALWAYS and group.gain + freely + UNSEEN < needed:
                 break  # whatever its free run says; and so with those that gain less
-            one = heard(group)
+            one = judge(group)
             if one is not None:
                 ranked.append(one)
                 freely = max(freely, one.gain - group.gain)
@@ -117,19 +120,19 @@ def second_opinion(witness: Witness, scales: Scales, errors: Errors, before: tup
             chosen = rivals[0]
     weights = np.array([math.exp((h.gain - rivals[0].gain) / APART) for h in rivals])
     shares = weights / weights.sum() if len(weights) else weights
-    return Opinion(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), witness)
+    return SecondMethod(chosen, tuple(zip(rivals, shares.tolist(), strict=True)), searched)
 
 
-def settled(witness: Witness, group: Group, errors: Errors) -> Group:
-    """The group, or as both kinds of recordings settle it (`Witness.settling`), where free runs of that err
-    less in the mean of both."""
-    other = witness.settling(group)
+def fitted_to_both(searched: SearchedGroups, group: Group, errors: Errors) -> Group:
+    """The group, or as both kinds of recordings settle it (`SearchedGroups.settling`), where free runs of
+    that err less in the mean of both."""
+    other = searched.settling(group)
     if other is None or not math.prod(errors(other.model)) < math.prod(errors(group.model)):
         return group
     return other
 
 
-def plainer_first(ranked: Sequence[Heard]) -> list[Heard]:
+def plainer_first(ranked: Sequence[JudgedGroup]) -> list[JudgedGroup]:
     """Groups of as many effects, best first. One that differs from the first one in a plainer form of one
     effect changes its gain, and its place, with it, unless the shape of the richer form gains LEAST_GAIN from
     the torques, or makes free runs err less by ERRS_LESS: then it is more than what is left of something

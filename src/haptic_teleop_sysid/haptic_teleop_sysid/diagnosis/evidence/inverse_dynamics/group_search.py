@@ -62,7 +62,7 @@ class Group:
     the ones and judged by the others, and the other way round), at the number of samples that are
     independent; ``percent``: torque fit of the validation recordings, 100 (1 - rms left / rms about the
     mean); ``explained``: share of what the structure alone leaves that the effects explain, as in
-    `Witness.recoverable`; ``std``: standard errors by parameter of the regression, with what the
+    `SearchedGroups.recoverable`; ``std``: standard errors by parameter of the regression, with what the
     recordings of either kind put them apart; ``at_bound``: parameters of the structure that the regression
     wants beyond its bounds (no damping is none); ``settled``: those that the estimation recordings leave
     open, for which all are fitted to both kinds.
@@ -84,21 +84,21 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Witness:
+class SearchedGroups:
     """``structure``: without any effect; ``levels``: groups of one effect, of two and of three, best first,
     BEAM of each at most; ``cutoff``: Hz.
 
     ``recoverable``: share of what the structure alone leaves of the torques (mean square, stretches of all
     recordings that were not fitted, because these torques say nothing of where they were not) that torques
-    without a form explain, at most MOST_SHAPELESS of them, or the best group: what any explanation could
-    reach; ``shapeless``: these torques; ``folds`` answers further questions on such stretches, and ``kinds``
-    on either kind of recordings."""
+    without a form explain, at most MOST_FREE_CURVES of them, or the best group: what any explanation could
+    reach; ``free_curves``: these torques; ``folds`` answers further questions on such stretches, and
+    ``kinds`` on either kind of recordings."""
 
     structure: Group
     levels: tuple[tuple[Group, ...], ...]
     cutoff: float
     recoverable: float
-    shapeless: tuple[Latent, ...]
+    free_curves: tuple[Latent, ...]
     folds: Search
     kinds: Search
 
@@ -130,20 +130,20 @@ class Witness:
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
         """The torque without a form that explains most of what a group leaves, and the share of that."""
-        more = self.folds.shapeless(group.hypotheses, 1)
+        more = self.folds.free_curves(group.hypotheses, 1)
         if not more:
             return None
         left = [1.0 - self.folds.explained(terms) for terms in (group.hypotheses, (*group.hypotheses, *more))]
         return more[0], 1.0 - left[1] / max(left[0], 1e-300)
 
 
-def witness(
+def search_groups(
     model: Model,
     estimation: Sequence[Record],
     validation: Sequence[Record],
     scales: Scales,
     cutoff: float | None = None,
-) -> Witness:
+) -> SearchedGroups:
     """Search the groups of effects that explain the input of both kinds of recordings.
 
     What is not admissible bars nothing that is: it leads no group and has no place among the best. A friction
@@ -253,7 +253,7 @@ def _weighed(
     levels: Sequence[Sequence[Chosen]],
     cutoff: float,
     named: Callable[[Chosen], bool],
-) -> Witness:
+) -> SearchedGroups:
     """The best groups of each number of effects, of those that may be ``named``."""
     # What the fullest explanation leaves comes nearest to noise: how long that remembers says how many
     # samples count, and for all groups the same number.
@@ -269,10 +269,10 @@ def _weighed(
         [*itertools.islice(filter(named, sorted(level, key=gain, reverse=True)), BEAM)] for level in levels
     ]
     found = tuple(tuple(_group(search, chosen, gain(chosen)) for chosen in level) for level in kept if level)
-    shapeless = folds.shapeless(())
+    free_curves = folds.free_curves(())
     best = [level[0].hypotheses for level in found]
-    most = max(folds.explained(terms) for terms in (shapeless, *best))
-    return Witness(_group(search, (), 0.0), found, cutoff, most, shapeless, folds, search)
+    most = max(folds.explained(terms) for terms in (free_curves, *best))
+    return SearchedGroups(_group(search, (), 0.0), found, cutoff, most, free_curves, folds, search)
 
 
 def fitted_effects(search: Search, chosen: Chosen) -> list[Effect]:

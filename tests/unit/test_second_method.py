@@ -20,7 +20,6 @@ from haptic_teleop_sysid.diagnosis.decision.finding import (
     unsure_of_their_shape,
 )
 from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely
-from haptic_teleop_sysid.diagnosis.decision.opinion_as_result import as_result
 from haptic_teleop_sysid.diagnosis.decision.overruled import (
     believed_instead,
     beyond_reach,
@@ -28,14 +27,15 @@ from haptic_teleop_sysid.diagnosis.decision.overruled import (
     stands_next,
 )
 from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.second_method_as_result import as_result
 from haptic_teleop_sysid.diagnosis.decision.torques_explained import explained_in_band, inadequate, recovered
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.witness import Group, witness
-from haptic_teleop_sysid.diagnosis.evidence.second_opinion import (
-    Heard,
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group, search_groups
+from haptic_teleop_sysid.diagnosis.evidence.second_method import (
+    JudgedGroup,
+    fitted_to_both,
+    judge_groups,
     plainer_first,
-    second_opinion,
-    settled,
 )
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
@@ -47,7 +47,7 @@ from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit
 
 @pytest.fixture(scope="module")
 def rubbing():
-    """Recordings of a pendulum with dry friction, what the inverse dynamics say of them, and a first opinion
+    """Recordings of a pendulum with dry friction, what the inverse dynamics say of them, and a first method
     that found nothing."""
     learn, judge = ([pendulum(seed, coulomb=0.4)] for seed in (0, 1))
     scales = recording_scales(RIGID, learn)
@@ -67,10 +67,10 @@ def as_it_is(model):
 
 
 @pytest.fixture(scope="module")
-def opinion(rubbing):
+def second_method(rubbing):
     """What the inverse dynamics say where free runs with friction err far less."""
     learn, judge, scales, _ = rubbing
-    return second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+    return judge_groups(search_groups(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
 
 
 FRICTION = "j_motor.coulomb_friction.torque"
@@ -84,7 +84,7 @@ def test_what_the_estimation_recordings_leave_open_the_others_settle(ramp):
     for torque in (0.5 + 0.1 * time if ramp else drive(0, 2.0), np.where(time % 4.0 < 2.0, 1.5, 0.0)):
         angles = swing(torque, 0.14, 0.35, 0.4, 0.0, 0.0, 0.0, 0.0)
         kinds.append([record(torque, angles[:, None], 1e-2)])
-    said = witness(RIGID, *kinds, recording_scales(RIGID, kinds[0]))
+    said = search_groups(RIGID, *kinds, recording_scales(RIGID, kinds[0]))
     group = next(g for g in said.levels[0] if g.effects[0].effect == "coulomb_friction")
     found = said.settling(group)
     assert (found is not None) == ramp
@@ -93,8 +93,8 @@ def test_what_the_estimation_recordings_leave_open_the_others_settle(ramp):
         assert found.model.parameters["motor_inertia"] == pytest.approx(0.14, rel=0.1)
         assert found.effects[0].parameters["torque"] == pytest.approx(0.4, rel=0.1)
         step = lambda model: (0.1, abs(model.parameters["motor_inertia"] - 0.14))  # noqa: E731
-        assert settled(said, group, step) == found
-        assert settled(said, group, lambda model: (0.1, 0.1)) == group
+        assert fitted_to_both(said, group, step) == found
+        assert fitted_to_both(said, group, lambda model: (0.1, 0.1)) == group
 
 
 def ending_at(torque):
@@ -107,8 +107,8 @@ def ending_at(torque):
     return fit
 
 
-def test_sizes_that_free_runs_want_are_taken_where_they_simulate_other_recordings_better(opinion):
-    found = opinion.chosen
+def test_sizes_that_free_runs_want_are_taken_where_they_simulate_other_recordings_better(second_method):
+    found = second_method.chosen
     before = found.group.model.parameter_values()[FRICTION]
     larger = ending_at(before + 0.2)
     taken = sized_freely(found, larger, lambda model: (0.1, 0.05), 1.0)
@@ -124,14 +124,18 @@ def test_sizes_that_free_runs_want_are_taken_where_they_simulate_other_recording
 
 def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubbing):
     learn, judge, scales, first = rubbing
-    opinion = second_opinion(witness(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
-    assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
-    assert believed_instead(opinion, [], (0.5, 0.5), coloured=lambda: True)
-    result, doubt = as_result(opinion, first, learn, errors_of, as_it_is)
+    second_method = judge_groups(search_groups(RIGID, learn, judge, scales), scales, errors_of, (0.5, 0.5))
+    assert [e.effect for e in second_method.chosen.group.effects] == ["coulomb_friction"]
+    assert believed_instead(second_method, [], (0.5, 0.5), coloured=lambda: True)
+    result, doubt = as_result(second_method, first, learn, errors_of, as_it_is)
     assert doubt is None and not result.settled
-    both = replace(opinion.chosen.group, settled=("motor_inertia",))
+    both = replace(second_method.chosen.group, settled=("motor_inertia",))
     told = as_result(
-        replace(opinion, chosen=replace(opinion.chosen, group=both)), first, learn, errors_of, as_it_is
+        replace(second_method, chosen=replace(second_method.chosen, group=both)),
+        first,
+        learn,
+        errors_of,
+        as_it_is,
     )[0]
     assert told.settled == ("motor_inertia",)
     assert "motor inertia open" in settled_sentence(told.settled)
@@ -144,23 +148,23 @@ def test_what_gains_by_inverse_dynamics_and_by_free_runs_becomes_the_result(rubb
     assert 0.0 < torque["std"] < 0.1
     assert "free run" in finding["because"]
     # The torque that it explains is that in the band of the motion, too, whatever an observer corrects.
-    explained = explained_in_band(result, opinion)
-    assert explained == pytest.approx(opinion.chosen.group.explained, abs=0.02)
+    explained = explained_in_band(result, second_method)
+    assert explained == pytest.approx(second_method.chosen.group.explained, abs=0.02)
     assert explained > 0.9
-    predicted = replace(result.choices[0], chosen=replace(result.choices[0].chosen, witnessed=None))
-    assert explained_in_band(replace(result, choices=(predicted,)), opinion) == 0.0
+    predicted = replace(result.choices[0], chosen=replace(result.choices[0].chosen, grounds=None))
+    assert explained_in_band(replace(result, choices=(predicted,)), second_method) == 0.0
     # No torque recovers more than the right one; of a part of it any form recovers more.
-    assert recovered(result, opinion) > 0.95
-    more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * explained))
+    assert recovered(result, second_method) > 0.95
+    more = replace(second_method, searched=replace(second_method.searched, recoverable=2.0 * explained))
     assert recovered(result, more) == pytest.approx(0.5)
     assert recovered(replace(result, choices=(predicted,)), more) == 1.0, "other methods have other sizes"
 
 
 def test_free_runs_that_are_no_better_than_the_mean_say_nothing_for_a_name(rubbing):
     learn, judge, scales, _ = rubbing
-    said = witness(RIGID, learn, judge, scales)
+    said = search_groups(RIGID, learn, judge, scales)
     for error, believed in ((0.9, True), (1.1, False)):
-        runs = second_opinion(said, scales, lambda _, e=error: (e, 0.5), (2.0, 2.0))
+        runs = judge_groups(said, scales, lambda _, e=error: (e, 0.5), (2.0, 2.0))
         assert (runs.chosen is not None) == believed
 
 
@@ -171,21 +175,21 @@ def test_a_limit_that_leaves_nothing_of_the_input_is_no_saturation(rubbing):
         assert material(limit, scales) == named
 
 
-def test_a_first_opinion_that_runs_as_well_stays(opinion):
-    assert not believed_instead(opinion, [], (0.1, 0.12), coloured=lambda: True)
+def test_a_first_method_that_runs_as_well_stays(second_method):
+    assert not believed_instead(second_method, [], (0.1, 0.12), coloured=lambda: True)
     # White innovations are believed longer.
-    assert believed_instead(opinion, [], (0.12, 0.14), coloured=lambda: True)
-    assert not believed_instead(opinion, [], (0.12, 0.14), coloured=lambda: False)
+    assert believed_instead(second_method, [], (0.12, 0.14), coloured=lambda: True)
+    assert not believed_instead(second_method, [], (0.12, 0.14), coloured=lambda: False)
 
 
-def test_white_innovations_are_not_believed_against_the_torques_too(opinion):
-    """Free runs err clearly less by the second opinion, if not far less, and the torques want it as well."""
+def test_white_innovations_are_not_believed_against_the_torques_too(second_method):
+    """Free runs err clearly less by the second method, if not far less, and the torques want it as well."""
     better, run = Effect("coulomb_friction", "j_motor", {"torque": 0.3}), (0.12, 0.14)
     ripple = Effect("torque_ripple", "j_motor", {"amplitude": 0.2, "order": 5.0, "phase": 0.0})
     delay = Effect("sensor_delay", "j_motor_encoder", {"delay": 0.01})
 
     def believed(*named, first=run):
-        return believed_instead(opinion, named, first, coloured=lambda: False)
+        return believed_instead(second_method, named, first, coloured=lambda: False)
 
     assert believed(better), "the same name, another size"
     assert believed(ripple), "another name, of which the torques know nothing"
@@ -195,38 +199,41 @@ def test_white_innovations_are_not_believed_against_the_torques_too(opinion):
     assert not believed(), "where nothing was found, white innovations say that nothing is there"
 
 
-def test_more_names_have_to_be_worth_more_torque_each(opinion):
-    """The opinion's one name against none that is there, as if it had been two and three."""
+def test_more_names_have_to_be_worth_more_torque_each(second_method):
+    """The second method's one name against none that is there, as if it had been two and three."""
     ripple = Effect("torque_ripple", "j_motor", {"amplitude": 0.2, "order": 5.0, "phase": 0.0})
-    gained = opinion.chosen.group.gain
+    gained = second_method.chosen.group.gain
     assert gained > 2 * 12.0
     for names, stands in ((2, True), (int(gained / 12.0) + 3, False)):
-        group = opinion.chosen.group
+        group = second_method.chosen.group
         group = SimpleNamespace(effects=group.effects * names, hypotheses=group.hypotheses * names)
         folds = SimpleNamespace(model=RIGID, likelier=lambda terms: gained if len(terms) > 1 else 0.0)
-        told = replace(opinion, chosen=replace(opinion.chosen, group=group))
-        told = replace(told, witness=replace(opinion.witness, folds=folds))
+        told = replace(second_method, chosen=replace(second_method.chosen, group=group))
+        told = replace(told, searched=replace(second_method.searched, folds=folds))
         assert believed_instead(told, [ripple], (0.12, 0.14), coloured=lambda: False) == stands
 
 
-def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(opinion):
-    """A first opinion of many parameters may simulate better what it was fitted to, all else far worse."""
-    assert believed_instead(opinion, [], (0.07, 0.25), coloured=lambda: False)
-    assert not believed_instead(opinion, [], (0.07, 0.22), coloured=lambda: False)
+def test_what_errs_far_less_where_neither_was_fitted_is_believed_over_a_close_fit(second_method):
+    """A first method of many parameters may simulate better what it was fitted to, all else far worse."""
+    assert believed_instead(second_method, [], (0.07, 0.25), coloured=lambda: False)
+    assert not believed_instead(second_method, [], (0.07, 0.22), coloured=lambda: False)
 
 
-def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(opinion):
-    assert opinion.explains_most
-    assert stands_next(opinion, opinion.chosen.errors)
-    assert not stands_next(opinion, (0.09, 0.12))  # worse than nothing where it was fitted
-    assert not stands_next(opinion, (0.1, 0.11))
-    more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * opinion.witness.recoverable))
-    assert not stands_next(more, opinion.chosen.errors)  # half of what could be explained is not
-    assert not stands_next(replace(opinion, chosen=None), (0.5, 0.5))
+def test_a_name_that_is_given_up_brings_up_the_next_where_that_explains_most(second_method):
+    assert second_method.explains_most
+    assert stands_next(second_method, second_method.chosen.errors)
+    assert not stands_next(second_method, (0.09, 0.12))  # worse than nothing where it was fitted
+    assert not stands_next(second_method, (0.1, 0.11))
+    more = replace(
+        second_method,
+        searched=replace(second_method.searched, recoverable=2.0 * second_method.searched.recoverable),
+    )
+    assert not stands_next(more, second_method.chosen.errors)  # half of what could be explained is not
+    assert not stands_next(replace(second_method, chosen=None), (0.5, 0.5))
 
 
-def test_sizes_that_free_runs_shrink_by_far_are_those_of_something_else(opinion):
-    found = opinion.chosen
+def test_sizes_that_free_runs_shrink_by_far_are_those_of_something_else(second_method):
+    found = second_method.chosen
     before = found.group.model.parameter_values()[FRICTION]
     for factor, taken in ((0.3, False), (0.6, True), (1.9, True), (3.0, False)):
         fitted = ending_at(factor * before)
@@ -235,8 +242,8 @@ def test_sizes_that_free_runs_shrink_by_far_are_those_of_something_else(opinion)
 
 def test_what_spoils_the_free_run_is_not_believed_however_much_torque_it_explains(rubbing):
     learn, judge, scales, _ = rubbing
-    testimony = witness(RIGID, learn, judge, scales)
-    spoilt = second_opinion(testimony, scales, lambda m: (0.4, 0.6) if m.effects else (0.5, 0.5), (0.5, 0.5))
+    said = search_groups(RIGID, learn, judge, scales)
+    spoilt = judge_groups(said, scales, lambda m: (0.4, 0.6) if m.effects else (0.5, 0.5), (0.5, 0.5))
     assert spoilt.chosen is None
     assert not believed_instead(spoilt, [], (0.9, 0.9), coloured=lambda: True)
 
@@ -246,7 +253,9 @@ def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
     # Viscous friction that grows and falls with the angle: no effect has this form.
     learn, judge = ([pendulum(seed, weight=4.0, swirl=0.3)] for seed in (0, 1))
     scales = recording_scales(model, learn)
-    opinion = second_opinion(witness(model, learn, judge, scales), scales, lambda m: (0.5, 0.5), (0.5, 0.5))
+    second_method = judge_groups(
+        search_groups(model, learn, judge, scales), scales, lambda m: (0.5, 0.5), (0.5, 0.5)
+    )
     baseline = fit_whole(model, noise_starts(model, learn)[1], learn, iterations=5)
     named = fit_whole(
         model.with_effects(Effect("coulomb_friction", "j_motor", {"torque": 0.02})),
@@ -257,11 +266,11 @@ def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
     )
     choice = Choice(Explanation(named, 50.0, 20.0, True, 1), 1.0)
     result = SearchResult(baseline, named, (choice,), (), scales)
-    doubt = inadequate(result, opinion, lambda m: (0.5, 0.5))
+    doubt = inadequate(result, second_method, lambda m: (0.5, 0.5))
     assert doubt is not None and doubt.choice is choice
     assert "coulomb_friction explains" in doubt.why
-    # A witness that simulates far worse with the same names knows the structure too badly to judge them.
-    assert inadequate(result, opinion, lambda m: (0.1, 0.1) if m is named.model else (0.5, 0.5)) is None
+    # A searched that simulates far worse with the same names knows the structure too badly to judge them.
+    assert inadequate(result, second_method, lambda m: (0.1, 0.1) if m is named.model else (0.5, 0.5)) is None
 
 
 def test_a_name_that_needs_another_machine_is_given_up(rubbing):
@@ -327,7 +336,7 @@ def test_nobody_is_surer_of_a_name_than_of_its_size():
 
 def heard_of(*names, gain, torques, errors=(0.1, 0.1)):
     hypotheses = tuple(SimpleNamespace(entry=EFFECTS[n], location="j_motor") for n in names)
-    return Heard(Group(RIGID, hypotheses, torques, 90.0, 0.9, {}), gain, errors)
+    return JudgedGroup(Group(RIGID, hypotheses, torques, 90.0, 0.9, {}), gain, errors)
 
 
 def test_a_richer_form_needs_more_than_chance_from_torques_or_free_runs():
@@ -355,14 +364,14 @@ def found_by_prediction(baseline, *effects, std=None):
     return SearchResult(baseline, fit, choices, (), None)
 
 
-def test_the_plainer_form_of_the_same_names_is_told_from_others(opinion, rubbing):
+def test_the_plainer_form_of_the_same_names_is_told_from_others(second_method, rubbing):
     baseline = rubbing[3].baseline
     falling = Effect("stribeck_friction", "j_motor", {"coulomb": 0.1, "breakaway": 0.4, "velocity": 2.0})
     plain = Effect("coulomb_friction", "j_motor", {"torque": 0.4})
     weight = Effect("gravity", "j_motor", {"torque": 1.0})
-    assert [e.effect for e in opinion.chosen.group.effects] == ["coulomb_friction"]
+    assert [e.effect for e in second_method.chosen.group.effects] == ["coulomb_friction"]
 
-    def plainly(*effects, of=opinion, errors=opinion.chosen.errors):
+    def plainly(*effects, of=second_method, errors=second_method.chosen.errors):
         return more_plainly(of, found_by_prediction(baseline, *effects), errors)
 
     assert plainly(falling)
@@ -371,12 +380,17 @@ def test_the_plainer_form_of_the_same_names_is_told_from_others(opinion, rubbing
     assert not plainly(plain), "it is the same"
     assert not plainly(weight), "it is something else"
     assert not plainly(falling, weight), "it is more"
-    group = replace(opinion.chosen.group, model=RIGID.with_effects(weight, plain), hypotheses=(None, None))
-    pair = replace(opinion, chosen=replace(opinion.chosen, group=group))
+    group = replace(
+        second_method.chosen.group, model=RIGID.with_effects(weight, plain), hypotheses=(None, None)
+    )
+    pair = replace(second_method, chosen=replace(second_method.chosen, group=group))
     assert plainly(falling, weight, of=pair), "two at one place are told apart by their names"
     assert not plainly(falling, of=pair)
-    assert not plainly(falling, of=replace(opinion, chosen=None))
-    more = replace(opinion, witness=replace(opinion.witness, recoverable=2.0 * opinion.witness.recoverable))
+    assert not plainly(falling, of=replace(second_method, chosen=None))
+    more = replace(
+        second_method,
+        searched=replace(second_method.searched, recoverable=2.0 * second_method.searched.recoverable),
+    )
     assert not plainly(falling, of=more), "half of what could be explained is not"
 
 

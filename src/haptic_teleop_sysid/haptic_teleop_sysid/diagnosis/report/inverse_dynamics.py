@@ -7,30 +7,31 @@ from typing import Any
 from haptic_teleop_sysid.report import Page
 
 from ..decision.verdict import Verdict
-from ..evidence.second_opinion import Heard, Opinion
+from ..evidence.second_method import JudgedGroup, SecondMethod
 
 _MOST_TOLD = 5
 
 
-def testimony(opinion: Opinion, verdict: Verdict, believed: bool) -> dict[str, Any]:
+def inverse_dynamics_content(second_method: SecondMethod, verdict: Verdict, believed: bool) -> dict[str, Any]:
     """The content of ``inverse_dynamics`` in diagnosis.json; ``believed``: whether it made the verdict."""
-    witness, chosen = opinion.witness, opinion.chosen
+    searched, chosen = second_method.searched, second_method.chosen
     found: dict[str, Any] = {
-        "cutoff_hz": round(witness.cutoff, 3),
+        "cutoff_hz": round(searched.cutoff, 3),
         "verdict_from_here": believed,
         "agrees": _agrees(chosen, verdict),
-        "structure": {"torque_fit": round(witness.structure.percent, 1)},
-        "recoverable": round(witness.recoverable, 3),
+        "structure": {"torque_fit": round(searched.structure.percent, 1)},
+        "recoverable": round(searched.recoverable, 3),
         "recoverable_by": [
-            {"equation": s.location, "quantities": list(s.quantities)} for s in witness.shapeless
+            {"equation": s.location, "quantities": list(s.quantities)} for s in searched.free_curves
         ],
         "groups": [
-            _group(heard) | {"weight": round(weight, 3)} for heard, weight in opinion.rivals[:_MOST_TOLD]
+            _group(judged) | {"weight": round(weight, 3)}
+            for judged, weight in second_method.rivals[:_MOST_TOLD]
         ],
     }
     if chosen is not None:
-        found["adequacy"] = round(opinion.adequacy, 3)
-        beside = witness.beside(chosen.group)
+        found["adequacy"] = round(second_method.adequacy, 3)
+        beside = searched.beside(chosen.group)
         if beside is not None:
             latent, share = beside
             found["left_over"] = {
@@ -41,8 +42,8 @@ def testimony(opinion: Opinion, verdict: Verdict, believed: bool) -> dict[str, A
     return found
 
 
-def _group(heard: Heard) -> dict[str, Any]:
-    group = heard.group
+def _group(judged: JudgedGroup) -> dict[str, Any]:
+    group = judged.group
     return {
         "effects": [
             {"effect": e.effect, "location": e.location, "parameters": dict(e.parameters)}
@@ -51,11 +52,14 @@ def _group(heard: Heard) -> dict[str, Any]:
         "parameters": {n: group.model.parameters[n] for n in group.std if "." not in n},
         "torque_fit": round(group.percent, 1),
         "explained": round(group.explained, 3),
-        "free_run_error": {"estimation": round(heard.errors[0], 4), "validation": round(heard.errors[1], 4)},
+        "free_run_error": {
+            "estimation": round(judged.errors[0], 4),
+            "validation": round(judged.errors[1], 4),
+        },
     }
 
 
-def _agrees(chosen: Heard | None, verdict: Verdict) -> bool | None:
+def _agrees(chosen: JudgedGroup | None, verdict: Verdict) -> bool | None:
     """Whether both name the same effects at the same places; None where the inverse dynamics name none."""
     if chosen is None:
         return None
@@ -63,7 +67,7 @@ def _agrees(chosen: Heard | None, verdict: Verdict) -> bool | None:
     return own == {(f["effect"], f["location"]) for f in verdict.findings}
 
 
-def second_method(content: dict[str, Any]) -> str:
+def second_method_sentence(content: dict[str, Any]) -> str:
     """What the inverse dynamics say of the findings, for and against, in a sentence."""
     found, head = content["inverse_dynamics"], "The second method, inverse dynamics,"
     if found is None:
@@ -96,14 +100,14 @@ def at_reversals(found: dict[str, Any]) -> str:
     )
 
 
-def testimony_section(page: Page, content: dict[str, Any]) -> None:
+def inverse_dynamics_section(page: Page, content: dict[str, Any]) -> None:
     """The page's section on the inverse dynamics."""
     found = content["inverse_dynamics"]
     title = "What the inverse dynamics say"
     if found is None:
         page.section(title, "Nothing: their arithmetic failed on these recordings.")
         return
-    section = page.section(title, f"{_sentence(found)} {second_method(content)}", folded=True)
+    section = page.section(title, f"{_sentence(found)} {second_method_sentence(content)}", folded=True)
     if found["groups"]:
         section.table(
             ("effects", "torque fit of validation", "explained of what is missing", "simulated error"),
