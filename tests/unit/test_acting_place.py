@@ -13,19 +13,19 @@ from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision import drive_friction
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE, Adequacy
-from haptic_teleop_sysid.diagnosis.decision.at_reversals import Turning
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.drive_friction import with_drive_friction
-from haptic_teleop_sysid.diagnosis.decision.misplaced import (
+from haptic_teleop_sysid.diagnosis.decision.name_tests.place import (
     at_its_place,
     at_the_map,
     beside_findings,
     holds_better,
     misplaced,
 )
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.unknown import drive_friction
+from haptic_teleop_sysid.diagnosis.decision.unknown.at_reversals import Turning
+from haptic_teleop_sysid.diagnosis.decision.unknown.drive_friction import with_drive_friction
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.arm_response import ArmResponse

@@ -18,10 +18,10 @@ from haptic_teleop_sysid.diagnosis.decision.adequacy import (
     short_of,
 )
 from haptic_teleop_sysid.diagnosis.decision.coloured import left_is_random
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.own_quantity import one_curve
+from haptic_teleop_sysid.diagnosis.decision.name_tests.any_curve import one_curve
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condition_of_left
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares

@@ -9,10 +9,10 @@ from stepped_machines import RIGID, pendulum
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
-from haptic_teleop_sysid.diagnosis.decision.beside_the_others import earned, without
 from haptic_teleop_sysid.diagnosis.decision.corroborated import Corroboration
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests.beside_the_others import earned, without
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales

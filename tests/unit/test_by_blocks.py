@@ -9,9 +9,9 @@ from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
-from haptic_teleop_sysid.diagnosis.decision.measured_input import of_measured_input
+from haptic_teleop_sysid.diagnosis.decision.name_tests.measured_input import of_measured_input
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice, choose
 from haptic_teleop_sysid.diagnosis.evidence.by_blocks import BLOCKS, by_blocks, chance, seen_steadily
 from haptic_teleop_sysid.estimation.likelihood import likelihood_of
 from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters

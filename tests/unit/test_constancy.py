@@ -6,7 +6,7 @@ import pytest
 from identification_plants import STAGE, off, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.constancy import apart, inconstant
+from haptic_teleop_sysid.diagnosis.decision.name_tests.parameter_constancy import apart, inconstant
 from haptic_teleop_sysid.diagnosis.run import diagnose
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch

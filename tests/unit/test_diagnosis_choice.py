@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
-import haptic_teleop_sysid.diagnosis.decision.search as search_module
+import haptic_teleop_sysid.diagnosis.decision.search.rounds as search_module
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import choose
+from haptic_teleop_sysid.diagnosis.decision.search.decide import choose
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 

@@ -9,16 +9,17 @@ import pytest
 from identification_plants import STAGE, stage_recording
 from test_diagnosis_parts import DT, MODEL, joint_record
 
-import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
+import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import question as questioning
 from haptic_teleop_sysid.diagnosis import run as diagnosis
-from haptic_teleop_sysid.diagnosis.decision import coloured, objections
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.doubt import _without_last, doubted
+from haptic_teleop_sysid.diagnosis.decision import coloured
+from haptic_teleop_sysid.diagnosis.decision.name_tests import objections
+from haptic_teleop_sysid.diagnosis.decision.name_tests.doubt import _without_last, doubted
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, off_the_mark
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.stand import Stand, stand_of, stands_out
 from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, in_steps, unsteadiness
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation

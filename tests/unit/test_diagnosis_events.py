@@ -13,8 +13,8 @@ from haptic_teleop_sim.experiments import run_open_loop
 from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, momentary, rather_event, slipped
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
 from haptic_teleop_sysid.diagnosis.evidence.events import _lines, bursts, moment, steady_line
 from haptic_teleop_sysid.diagnosis.evidence.null_records import heavy_tailed
 from haptic_teleop_sysid.diagnosis.evidence.whiteness import heaviness

@@ -8,8 +8,8 @@ import pytest
 from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.without_the_first import without_the_first
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.without_the_first import without_the_first
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
 from haptic_teleop_sysid.diagnosis.run import diagnose

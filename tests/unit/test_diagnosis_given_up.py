@@ -8,11 +8,11 @@ from identification_plants import STAGE
 from test_diagnosis_doubt import DRAG, borne_out, unimpressed
 from test_diagnosis_parts import fit_of
 
-import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
-from haptic_teleop_sysid.diagnosis.decision import objections
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.doubt import doubted
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
+from haptic_teleop_sysid.diagnosis.decision.name_tests import objections
+from haptic_teleop_sysid.diagnosis.decision.name_tests.doubt import doubted
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.stand import Stand
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 

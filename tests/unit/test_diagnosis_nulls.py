@@ -15,9 +15,9 @@ from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import input_times
 from haptic_teleop_sysid.diagnosis import run as diagnosis
 from haptic_teleop_sysid.diagnosis.believed import alarm
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.nulls import Null, beyond_chance, nulls
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.nulls import Null, beyond_chance, nulls
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.words import chance_sentence
 from haptic_teleop_sysid.diagnosis.evidence.null_records import (
     disturbed_as,

@@ -8,11 +8,11 @@ import pytest
 from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import choose
-from haptic_teleop_sysid.diagnosis.decision.doubt import doubted
-from haptic_teleop_sysid.diagnosis.decision.explore import explore
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests.doubt import doubted
+from haptic_teleop_sysid.diagnosis.decision.search.decide import choose
+from haptic_teleop_sysid.diagnosis.decision.search.explore import explore
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.decision.where import condition_of
 from haptic_teleop_sysid.diagnosis.decision.words import called

@@ -10,7 +10,7 @@ from test_diagnosis_parts import DT, MODEL, NOISE, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import choose
+from haptic_teleop_sysid.diagnosis.decision.search.decide import choose
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation

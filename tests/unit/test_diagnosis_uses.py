@@ -9,7 +9,7 @@ from identification_plants import STAGE, off, stage_recording
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.diagnosis import explain as explaining
 from haptic_teleop_sysid.diagnosis import run as diagnosis
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_constant_input, refuse_copies
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.inputs.uses import shared_band, three_uses

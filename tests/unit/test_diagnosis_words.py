@@ -10,8 +10,8 @@ from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 from haptic_teleop_sim.effects import EFFECTS, locations
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid import results
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.words import because
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales

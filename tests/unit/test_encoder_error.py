@@ -11,9 +11,9 @@ from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, drive, record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.misplaced import misplaced
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests.place import misplaced
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence.acting_place import ActingPlace
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.corrected import corrected
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation

@@ -9,7 +9,7 @@ from stepped_machines import DT, FINE, RIGID, pendulum
 
 from haptic_teleop_control.errors import ModelError
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import (
+from haptic_teleop_sysid.diagnosis.decision.second_method.free_run_sizes import (
     as_fitted,
     freely_sized,
     sized_freely,

@@ -7,8 +7,8 @@ from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.freely_fitted import re_estimated, simulating_best
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.freely_fitted import re_estimated, simulating_best
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole

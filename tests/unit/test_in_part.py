@@ -8,19 +8,19 @@ import pytest
 from stepped_machines import DT, ELASTIC, RIGID, pendulum, record, swing
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision import beside_unknown, in_part
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE
-from haptic_teleop_sysid.diagnosis.decision.at_reversals import AtReversals, Turning
-from haptic_teleop_sysid.diagnosis.decision.beside_unknown import leading, most_or_seen, with_names
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.in_part import (
+from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.unknown import beside_unknown, in_part
+from haptic_teleop_sysid.diagnosis.decision.unknown.at_reversals import AtReversals, Turning
+from haptic_teleop_sysid.diagnosis.decision.unknown.beside_unknown import leading, most_or_seen, with_names
+from haptic_teleop_sysid.diagnosis.decision.unknown.in_part import (
     found_in_part,
     found_one_by_one,
     where_the_rest_is,
     with_found,
 )
-from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
-from haptic_teleop_sysid.diagnosis.decision.stand_in import StandIn
+from haptic_teleop_sysid.diagnosis.decision.unknown.stand_in import StandIn
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.terms import Hypothesis

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.at_the_actuator import (
+from haptic_teleop_sysid.diagnosis.decision.unknown.at_the_actuator import (
     WITH_THE_INPUT,
     at_the_actuator,
     drawn_over_the_input,

@@ -7,7 +7,7 @@ import pytest
 from identification_plants import STAGE
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.known_sizes import with_known_sizes
+from haptic_teleop_sysid.diagnosis.decision.second_method.known_sizes import with_known_sizes
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group
 from haptic_teleop_sysid.diagnosis.evidence.second_method import JudgedGroup, SecondMethod
 

@@ -13,7 +13,7 @@ from stepped_machines import RIGID
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.late_input import (
+from haptic_teleop_sysid.diagnosis.decision.name_tests.late_input import (
     LEAST_SAMPLES,
     ONE_FOR_ALL,
     Late,

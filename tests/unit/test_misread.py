@@ -8,10 +8,10 @@ import pytest
 from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
-from haptic_teleop_sysid.diagnosis.decision.misread import misread
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests.encoder_correction import misread
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.words import because
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.corrected import corrected
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation

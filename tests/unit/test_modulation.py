@@ -13,9 +13,9 @@ from haptic_teleop_sim.hardware import SfjRobot
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
-from haptic_teleop_sysid.diagnosis.decision import changing_size
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests import changing_size
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence import modulation
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
     JUST_AFTER,

@@ -8,10 +8,10 @@ from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE, Adequacy
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.nearly_all_torque import nearly_all_torque
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.second_method.nearly_all_torque import nearly_all_torque
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
 from haptic_teleop_sysid.diagnosis.evidence.second_method import SecondMethod

@@ -17,9 +17,9 @@ from haptic_teleop_omni.settings import TABLE as OMNI_TABLE
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.commands.acquire import experiment_from
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales

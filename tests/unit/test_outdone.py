@@ -11,8 +11,8 @@ from test_policy import explanation, result_of
 from test_unnamed_physics import LAB, errors_of, records
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.outdone import outdone
+from haptic_teleop_sysid.diagnosis.decision.name_tests.curve_instead import outdone
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import MeasuredMap, measured_map
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import pytest
 from test_diagnosis_parts import MODEL, fit_of
 
-import haptic_teleop_sysid.diagnosis.decision.own_bounds as own_bounds
+import haptic_teleop_sysid.diagnosis.decision.name_tests.at_bounds as own_bounds
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.own_bounds import within_bounds
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests.at_bounds import within_bounds
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 
 LOAD = Effect("payload_change", "stage1_motor", {"time": 0.0, "inertia": 0.6})

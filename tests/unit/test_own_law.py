@@ -13,9 +13,9 @@ from numba import njit
 
 from haptic_teleop_sim.effects.torque_map import TorqueMap
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.own_law import by_its_law
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.name_tests.law import by_its_law
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence.lack_of_fit import lack_of_fit
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.hypotheses.follows import own_variable

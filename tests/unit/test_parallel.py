@@ -10,7 +10,7 @@ from identification_plants import STAGE, off
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.explore import explore
+from haptic_teleop_sysid.diagnosis.decision.search.explore import explore
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.starts.screen import screen

@@ -8,8 +8,8 @@ from test_diagnosis_parts import MODEL, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.plainer_form import told_plainly
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.plainer_form import told_plainly
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.estimation.tuning import initial_noise
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole

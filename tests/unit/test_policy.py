@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from test_diagnosis_parts import MODEL, explanation, fit_of
 
-import haptic_teleop_sysid.diagnosis.decision.doubt as doubt_module
-import haptic_teleop_sysid.diagnosis.decision.explore as explore_module
+import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
+import haptic_teleop_sysid.diagnosis.decision.search.explore as explore_module
+import haptic_teleop_sysid.diagnosis.decision.search.without_the_first as first_module
 import haptic_teleop_sysid.diagnosis.decision.where as where_module
-import haptic_teleop_sysid.diagnosis.decision.without_the_first as first_module
 import haptic_teleop_sysid.diagnosis.evidence.second_method as second_module
 import haptic_teleop_sysid.diagnosis.policy as policy
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision import coloured
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice, choose, significant
-from haptic_teleop_sysid.diagnosis.decision.overruled import believed_instead
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.torques_explained import inadequate
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice, choose, significant
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.second_method.overruled import believed_instead
+from haptic_teleop_sysid.diagnosis.decision.second_method.torques_explained import inadequate
 from haptic_teleop_sysid.diagnosis.decision.where import structured
 from haptic_teleop_sysid.diagnosis.evidence.memory import Remembered
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition

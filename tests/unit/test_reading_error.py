@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from stepped_machines import DT, FINE, RIGID, drive, record
 
-from haptic_teleop_sysid.diagnosis.decision.read_wrong import read_wrong
+from haptic_teleop_sysid.diagnosis.decision.unknown.encoder_error import read_wrong
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import no_torque
 from haptic_teleop_sysid.diagnosis.evidence.proof import Course

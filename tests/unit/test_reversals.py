@@ -8,13 +8,13 @@ from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.at_reversals import (
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.unknown.at_reversals import (
     AtReversals,
     Turning,
     where_torque_jumps,
     with_friction,
 )
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
 from haptic_teleop_sysid.diagnosis.evidence.reversals import FEWEST, Jump, jump
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales

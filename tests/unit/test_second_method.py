@@ -12,23 +12,27 @@ from stepped_machines import DT, RIGID, drive, pendulum, record, swing
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, load_model
 from haptic_teleop_sysid.commands.diagnose import main
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import (
     finding,
     shape_unknown,
     size_known,
     unsure_of_their_shape,
 )
-from haptic_teleop_sysid.diagnosis.decision.free_run_sizes import sized_freely
-from haptic_teleop_sysid.diagnosis.decision.overruled import (
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
+from haptic_teleop_sysid.diagnosis.decision.second_method.as_result import as_result
+from haptic_teleop_sysid.diagnosis.decision.second_method.free_run_sizes import sized_freely
+from haptic_teleop_sysid.diagnosis.decision.second_method.overruled import (
     believed_instead,
     beyond_reach,
     more_plainly,
     stands_next,
 )
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.second_method_as_result import as_result
-from haptic_teleop_sysid.diagnosis.decision.torques_explained import explained_in_band, inadequate, recovered
+from haptic_teleop_sysid.diagnosis.decision.second_method.torques_explained import (
+    explained_in_band,
+    inadequate,
+    recovered,
+)
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group, search_groups
 from haptic_teleop_sysid.diagnosis.evidence.second_method import (

@@ -8,9 +8,9 @@ import pytest
 from stepped_machines import RIGID
 
 from haptic_teleop_sim.model import Effect, load_model
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt
-from haptic_teleop_sysid.diagnosis.decision.stand_in import stand_in
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.unknown.stand_in import stand_in
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.report.summary import map_sentences
 from haptic_teleop_sysid.estimation.fit import Fit

@@ -9,9 +9,9 @@ from stepped_machines import ELASTIC, RIGID, pendulum, record, two_masses
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.unsteady import constant_sizes
+from haptic_teleop_sysid.diagnosis.decision.name_tests.size_over_time import constant_sizes
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence.steadiness import (
     Steadiness,
     _steadiness,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from haptic_teleop_sysid.diagnosis.decision.two_names import two_names
+from haptic_teleop_sysid.diagnosis.decision.search.two_names import two_names
 
 
 def explained(score, unnamed=False, by_current=0.0):

@@ -7,10 +7,10 @@ import pytest
 from stepped_machines import RIGID, pendulum
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.finding import finding
-from haptic_teleop_sysid.diagnosis.decision.search import SearchResult
-from haptic_teleop_sysid.diagnosis.decision.unconfirmed import unconfirmed
+from haptic_teleop_sysid.diagnosis.decision.name_tests.unconfirmed import unconfirmed
+from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts

@@ -15,7 +15,7 @@ import haptic_teleop_sim.effects
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.kernel.codegen import effect_source
 from haptic_teleop_sim.model import Model
-from haptic_teleop_sysid.diagnosis.decision.search import search
+from haptic_teleop_sysid.diagnosis.decision.search.rounds import search
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import measured_map
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law import of_map
 from haptic_teleop_sysid.diagnosis.evidence.suggested_law.entry_file import law_words

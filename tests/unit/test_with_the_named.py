@@ -7,8 +7,8 @@ import pytest
 from stepped_machines import RIGID, drive, record, swing
 
 from haptic_teleop_sim.model import Effect
+from haptic_teleop_sysid.diagnosis.decision.unknown.simulating_model import not_in, with_the_named
 from haptic_teleop_sysid.diagnosis.decision.verdict import Verdict
-from haptic_teleop_sysid.diagnosis.decision.with_the_named import not_in, with_the_named
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.band import motion_band
 from haptic_teleop_sysid.diagnosis.evidence.measured_map import MeasuredMap, measured_map
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts

@@ -10,17 +10,17 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.fit import Fit
 
 from .believed import Believed, Say
-from .decision.at_reversals import Turning, where_torque_jumps, with_friction
-from .decision.at_the_actuator import at_the_actuator, drawn_over_the_input
-from .decision.beside_unknown import with_names
-from .decision.drive_friction import with_drive_friction
-from .decision.freely_fitted import re_estimated
-from .decision.misplaced import at_its_place, at_the_map, beside_findings
-from .decision.read_wrong import WrongReading, read_wrong
-from .decision.search import SearchResult
-from .decision.stand_in import StandIn, stand_in
+from .decision.name_tests.place import at_its_place, at_the_map, beside_findings
+from .decision.search.freely_fitted import re_estimated
+from .decision.search.rounds import SearchResult
+from .decision.unknown.at_reversals import Turning, where_torque_jumps, with_friction
+from .decision.unknown.at_the_actuator import at_the_actuator, drawn_over_the_input
+from .decision.unknown.beside_unknown import with_names
+from .decision.unknown.drive_friction import with_drive_friction
+from .decision.unknown.encoder_error import WrongReading, read_wrong
+from .decision.unknown.simulating_model import with_the_named
+from .decision.unknown.stand_in import StandIn, stand_in
 from .decision.verdict import Verdict, decide_verdict
-from .decision.with_the_named import with_the_named
 from .evidence.acting_place import ActingPlace
 from .evidence.measured_map import MeasuredMap, no_torque
 from .evidence.other_forms import spread_by_form, together

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.decide import Choice
-from .decision.nulls import Null, beyond_chance, nulls
 from .decision.reasons import Doubt
-from .decision.search import SearchResult
+from .decision.search.decide import Choice
+from .decision.search.nulls import Null, beyond_chance, nulls
+from .decision.search.rounds import SearchResult
 from .decision.stand import Stand
 from .explain import Explained
 from .hypotheses.follows import is_lateness

@@ -9,15 +9,15 @@ from haptic_teleop_sim.model import Model
 
 from .believed import Believed, Say
 from .decision.adequacy import Adequacy, following, short_of
-from .decision.constancy import apart
 from .decision.finding import unsure_of_their_shape
-from .decision.measured_input import of_measured_input
-from .decision.misplaced import misplaced
-from .decision.outdone import outdone
-from .decision.own_quantity import follows_still, one_curve
+from .decision.name_tests.any_curve import follows_still, one_curve
+from .decision.name_tests.curve_instead import outdone
+from .decision.name_tests.measured_input import of_measured_input
+from .decision.name_tests.parameter_constancy import apart
+from .decision.name_tests.place import misplaced
+from .decision.name_tests.unconfirmed import unconfirmed
 from .decision.reasons import Doubt
-from .decision.search import SearchResult
-from .decision.unconfirmed import unconfirmed
+from .decision.search.rounds import SearchResult
 from .evidence.acting_place import ActingPlace
 from .evidence.measured_map import A_GOOD_TORQUE, MeasuredMap, measured_map
 from .evidence.other_forms import spread_by_form, together

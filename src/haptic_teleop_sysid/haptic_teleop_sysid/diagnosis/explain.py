@@ -21,11 +21,11 @@ from haptic_teleop_sysid.simulation.parameter_fit import ParameterFit, fit_outpu
 from haptic_teleop_sysid.simulation.windows import fewer
 
 from .decision.coloured import coloured
-from .decision.decide import Choice
-from .decision.free_run_sizes import freely_sized, turning_limits
-from .decision.overruled import errs_enough_less
-from .decision.search import SearchResult, search
-from .decision.search_by_simulation import POOR_FIT, search_by_simulation
+from .decision.search.by_simulation import POOR_FIT, search_by_simulation
+from .decision.search.decide import Choice
+from .decision.search.rounds import SearchResult, search
+from .decision.second_method.free_run_sizes import freely_sized, turning_limits
+from .decision.second_method.overruled import errs_enough_less
 from .evidence.horizons import Horizons, free_errors
 from .evidence.inverse_dynamics.band import motion_band
 from .evidence.inverse_dynamics.group_search import search_groups

@@ -10,8 +10,8 @@ from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.likelihood import FAILURES
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-from .decision.decide import Choice
-from .decision.late_input import Late, late_input
+from .decision.name_tests.late_input import Late, late_input
+from .decision.search.decide import Choice
 from .explain import Explained, explain
 from .hypotheses.follows import is_lateness
 from .inputs.on_time import on_time

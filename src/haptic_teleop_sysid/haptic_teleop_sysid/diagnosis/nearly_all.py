@@ -7,9 +7,9 @@ from dataclasses import replace
 from .believed import Believed
 from .decision.corroborated import adds_torque
 from .decision.finding import unsure_of_their_shape
-from .decision.misplaced import misplaced
-from .decision.nearly_all_torque import nearly_all_torque
-from .decision.second_method_as_result import as_result
+from .decision.name_tests.place import misplaced
+from .decision.second_method.as_result import as_result
+from .decision.second_method.nearly_all_torque import nearly_all_torque
 from .evidence.other_forms import together
 from .examined import Examined, forms_of
 from .question import adequacy_of

@@ -10,18 +10,17 @@ from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .decision.adequacy import Adequacy, Followed, adequacy, left_size
-from .decision.beside_the_others import earned
-from .decision.changing_size import one_size_each
 from .decision.coloured import coloured, in_detail, left_is_random, with_a_memory
-from .decision.constancy import inconstant
 from .decision.corroborated import Corroboration
-from .decision.decide import Choice
-from .decision.doubt import doubted
 from .decision.finding import shape_unknown, size_unknown
-from .decision.misread import misread
-from .decision.overruled import believed_instead, beyond_reach, more_plainly, stands_next
-from .decision.own_bounds import within_bounds
-from .decision.own_law import by_its_law
+from .decision.name_tests.at_bounds import within_bounds
+from .decision.name_tests.beside_the_others import earned
+from .decision.name_tests.changing_size import one_size_each
+from .decision.name_tests.doubt import doubted
+from .decision.name_tests.encoder_correction import misread
+from .decision.name_tests.law import by_its_law
+from .decision.name_tests.parameter_constancy import inconstant
+from .decision.name_tests.size_over_time import constant_sizes
 from .decision.reasons import (
     Doubt,
     follows_in_detail,
@@ -30,11 +29,17 @@ from .decision.reasons import (
     runs_away,
     slipped,
 )
-from .decision.search import SearchResult
-from .decision.second_method_as_result import as_result
+from .decision.search.decide import Choice
+from .decision.search.rounds import SearchResult
+from .decision.second_method.as_result import as_result
+from .decision.second_method.overruled import believed_instead, beyond_reach, more_plainly, stands_next
+from .decision.second_method.torques_explained import (
+    explained_along,
+    explained_in_band,
+    inadequate,
+    recovered,
+)
 from .decision.stand import Stand, colours
-from .decision.torques_explained import explained_along, explained_in_band, inadequate, recovered
-from .decision.unsteady import constant_sizes
 from .decision.where import structured
 from .evidence.held_out import with_both_kinds
 from .evidence.proof import mean_percent

@@ -13,13 +13,13 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .answered import Answered, answered
 from .believed import Believed, Say, believed
-from .decision.freely_fitted import re_estimated
-from .decision.late_input import with_lateness
+from .decision.name_tests.late_input import with_lateness
 from .decision.reasons import Doubt
-from .decision.search import SearchResult
+from .decision.search.freely_fitted import re_estimated
+from .decision.search.rounds import SearchResult
 from .decision.stand import Stand, colours
+from .decision.unknown.simulating_model import not_in
 from .decision.verdict import Verdict
-from .decision.with_the_named import not_in
 from .evidence.other_forms import spread_by_form, together
 from .evidence.proof import Proof, prove
 from .examined import examined

@@ -22,7 +22,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from ..evidence.residual import left_over
 from ..policy import HOLDS_BETTER, LEAST_EXPLAINED, MOST_BY_CHANCE, MOST_UNNAMED, SURE, SUREST
 from .reasons import Doubt
-from .search import SearchResult
+from .search.rounds import SearchResult
 
 #: Left-over torque, as a share of the input torque (rms), that is not worth a word.
 SLIGHT_TORQUE = 0.03

@@ -18,7 +18,7 @@ from ..evidence.certainty import standard_errors
 from ..hypotheses.candidates import goes_with
 from ..policy import LEAST_KNOWN, SUREST
 from .adequacy import NOT_SURE
-from .decide import Choice
+from .search.decide import Choice
 from .words import because
 
 #: Relative error within which a size counts as known, and an order: half a cycle more or less in two is

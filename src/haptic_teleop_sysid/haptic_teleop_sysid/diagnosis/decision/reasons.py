@@ -16,7 +16,7 @@ from ..evidence.fine_curve import follows_input_finely
 from ..evidence.held_out import held_out_fit
 from ..evidence.residual import INPUT_TORQUE
 from ..policy import MOST_UNNAMED, NOTICEABLE
-from .decide import Choice
+from .search.decide import Choice
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from ..evidence.certainty import known_beside, standard_errors
 from ..evidence.held_out import held_out_fit
 from ..evidence.whiteness import colour
 from ..policy import SIGNIFICANT
-from .decide import Choice
-from .search import SearchResult
+from .search.decide import Choice
+from .search.rounds import SearchResult
 
 #: Standard errors, spread between recordings included, that a size must differ by from none.
 STANDS_OUT = 2.0

@@ -14,7 +14,7 @@ from .adequacy import Adequacy
 from .corroborated import adds_torque
 from .finding import finding
 from .reasons import Doubt
-from .search import SearchResult
+from .search.rounds import SearchResult
 from .where import doubtful_place, structured, where_found, where_left
 
 

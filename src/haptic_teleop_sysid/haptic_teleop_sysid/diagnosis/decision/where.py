@@ -14,7 +14,7 @@ from ..evidence.residual import Condition, intervals, shares
 from ..policy import LEAST_EXPLAINED, NOTICEABLE, STRUCTURED
 from .adequacy import explained_torque
 from .reasons import Doubt
-from .search import SearchResult
+from .search.rounds import SearchResult
 
 #: Share of the left-over torque that a curve explains, from which the place of something unknown is told with
 #: what it follows.

@@ -7,7 +7,7 @@ from typing import Any
 from haptic_teleop_sim.effects import EffectParameter
 from haptic_teleop_sim.model import Effect
 
-from .decide import Choice
+from .search.decide import Choice
 
 #: How something acts of which a result's condition names no quantity that it follows.
 _ACTS = {

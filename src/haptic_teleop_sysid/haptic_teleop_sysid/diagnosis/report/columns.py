@@ -19,7 +19,7 @@ from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.relative_scale import relative_to
 from haptic_teleop_sysid.simulation.covariance import scaled_inverse
 
-from ..decision.search import SearchResult
+from ..decision.search.rounds import SearchResult
 from ..decision.verdict import Verdict
 from ..evidence.certainty import standard_errors
 from ..evidence.other_forms import together

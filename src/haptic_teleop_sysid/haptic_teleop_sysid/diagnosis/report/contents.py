@@ -12,10 +12,10 @@ from haptic_teleop_sysid.estimation.likelihood import after_settling
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..decision.adequacy import OVERFLOWS
-from ..decision.decide import Choice, significant
-from ..decision.nulls import Null
 from ..decision.reasons import Doubt, slipped
-from ..decision.search import GivenUp, SearchResult
+from ..decision.search.decide import Choice, significant
+from ..decision.search.nulls import Null
+from ..decision.search.rounds import GivenUp, SearchResult
 from ..decision.stand import Stand
 from ..decision.verdict import Verdict
 from ..decision.where import FOLLOWS

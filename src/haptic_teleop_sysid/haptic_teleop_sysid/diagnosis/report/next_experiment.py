@@ -14,8 +14,8 @@ from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.records import Record
 
 from ..decision.adequacy import NEARLY_ALL
-from ..decision.decide import Choice
-from ..decision.search import SearchResult
+from ..decision.search.decide import Choice
+from ..decision.search.rounds import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import acts, placed, separating
 from ..hypotheses.twins import twins

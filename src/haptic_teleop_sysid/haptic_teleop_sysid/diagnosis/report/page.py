@@ -14,7 +14,7 @@ from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.small_motion import hardly_moving
 from haptic_teleop_sysid.report import Page, Panel, Plot, Series, unit_text
 
-from ..decision.search import SearchResult
+from ..decision.search.rounds import SearchResult
 from ..decision.verdict import Verdict
 from ..evidence.proof import MODELS, PARTS, Proof
 from ..evidence.residual import left_over

@@ -21,7 +21,7 @@ from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.report import Panel, Plot, Series, unit_text
 
-from ..decision.search import SearchResult
+from ..decision.search.rounds import SearchResult
 from ..decision.verdict import Verdict
 from ..evidence.inverse_dynamics.band import motion_band
 from ..evidence.inverse_dynamics.motion import BandedMotion, banded

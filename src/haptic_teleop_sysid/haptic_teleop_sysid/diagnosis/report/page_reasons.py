@@ -9,7 +9,7 @@ from typing import Any
 from haptic_teleop_sysid.report import Page, Section
 
 from ..decision.adequacy import nothing_shown
-from ..decision.search import SearchResult
+from ..decision.search.rounds import SearchResult
 from ..decision.verdict import Verdict
 from ..decision.words import chance_sentence
 from ..policy import HOLDS_BETTER, SUREST

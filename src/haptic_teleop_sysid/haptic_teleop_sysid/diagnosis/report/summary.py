@@ -9,7 +9,7 @@ from haptic_teleop_sim.effects import MEASURED
 from haptic_teleop_sysid.report.numbers import with_error
 
 from ..decision.adequacy import NEARLY_ALL
-from ..decision.at_the_actuator import WITH_THE_INPUT
+from ..decision.unknown.at_the_actuator import WITH_THE_INPUT
 from ..decision.words import acts, chance_sentence
 
 PART_LABELS = {

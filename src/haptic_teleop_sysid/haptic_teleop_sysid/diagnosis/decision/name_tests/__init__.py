@@ -1,0 +1,1 @@
+"""Tests that a name has to pass beside its likelihood."""

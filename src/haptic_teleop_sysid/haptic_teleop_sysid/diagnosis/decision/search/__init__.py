@@ -1,0 +1,1 @@
+"""The search: rounds of single effects, the choice among them, and what chance would give."""

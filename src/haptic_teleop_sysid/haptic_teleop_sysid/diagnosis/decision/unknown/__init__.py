@@ -1,0 +1,1 @@
+"""What is told of physics without a name: its place, a model, and names that stand beside it."""
