@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import math
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -93,6 +94,28 @@ def test_the_page_states_what_is_found_and_what_was_hidden(folder, generator):
     assert float(text.split("rad`. ")[1].split(" rad was hidden")[0]) == pytest.approx(hidden, rel=1e-3)
     assert math.degrees(hidden) == pytest.approx(1 / 6, rel=0.05)
     assert f"{generator[0]['truth_parameters']['stiffness']:.2f} is true" in PAGE
+
+
+def test_the_page_states_the_parameters_that_are_found(folder):
+    found = load_model(folder / "j2_diagnosis" / "augmented_model.yaml").parameters
+    stated = load_model(folder / "my_joint.yaml").parameters
+    assert stated == pytest.approx(found, rel=0.02)
+    words = " ".join(PAGE.split())
+    assert f"the stiffness comes out as {stated['stiffness']:.2f} N·m/rad" in words
+    start = load_model(folder / "j2.yaml").parameters
+    assert float(words.split("yet the stiffness, ")[1].split(" ")[0]) == pytest.approx(
+        start["stiffness"], rel=0.01
+    )
+
+
+def test_the_page_states_the_fits_of_the_three_models(folder):
+    fit = json.loads((folder / "j2_diagnosis" / "diagnosis.json").read_text())["fit"]
+    text = (
+        " ".join(PAGE.split()).split("](index.md#model-and-diagnosis) of ")[1].split(" with the backlash")[0]
+    )
+    stated = [int(n) for n in re.findall(r"(\d+) %", text)]
+    found = [fit[model]["validation"]["j2_arm.velocity"] for model in ("given", "baseline", "augmented")]
+    assert stated == pytest.approx(found, abs=1.0)
 
 
 def test_the_model_file_of_the_page_reads_the_recordings_of_the_page(folder):
