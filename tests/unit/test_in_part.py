@@ -150,7 +150,7 @@ def test_where_nothing_of_the_stand_in_stands_what_explains_most_torque_is_asked
 
 @pytest.mark.parametrize(("load", "stands"), [(1.5, True), (0.2, False)])
 def test_a_constant_torque_stands_beside_something_where_it_is_most_of_what_is_missing(load, stands):
-    """A linear drive under a load: a torque without a form holds a constant, and none was ever told."""
+    """A linear drive under a load: a free curve holds a constant, and none was ever told."""
     kinds = [
         [replace(r, input=r.input + load) for r in [pendulum(seed, detent=0.8)]] for seed in (0, 1)
     ]

@@ -30,7 +30,7 @@ def fit_of(*effects):
 
 def doubted(effect):
     explanation = Explanation(fit_of(effect), 50.0, 50.0, True, 0)
-    return Doubt(Choice(explanation, 0.46, ()), "it explains 46 % of what a torque without a form explains")
+    return Doubt(Choice(explanation, 0.46, ()), "it explains 46 % of what a free curve explains")
 
 
 def asked(with_it, without=(0.34, 0.42), given=(0.40, 0.37), doubt=None):

@@ -4,10 +4,9 @@ counts as one and the same, when a name is doubted and when something unknown is
 Each says what it means, which error it trades for which, and how it was set. "Development recordings" are
 twenty simulated ones and cases of the blind benchmark's generator under seeds that no result is
 reported of; a number that was set "by hand" was chosen while looking at them, and no rate was computed for
-it. Together they give the measured rates: no false alarm in 300 sealed clean recordings (95 % interval 0 to
-1.3 %), two in 1168 over seven seeds; 231 of 238 effects detected, the first name right in 159 of 178 cases
-in which it can be told. What is a size of a particular effect stands in that effect's entry, what is
-arithmetic (iterations, starts, tolerances) where it is used.
+it. What rates they give together is measured on sealed recordings (docs/blind_benchmark.md). What is a size
+of a particular effect stands in that effect's entry, what is arithmetic (iterations, starts, tolerances)
+where it is used.
 """
 
 # Is there an effect?
@@ -113,15 +112,13 @@ place included (94 %; of those of single effects, 95 %)."""
 
 LEAST_EXPLAINED = 0.5
 """Least share that a name must explain: of the torque that the structure lacks (mean square), and of what a
-torque without a form explains in the same quantities. Below, it is the nearest name and the verdict is
+free curve explains in the same quantities. Below, it is the nearest name and the verdict is
 `unknown`; so it is, with the names beside it, where they explain less of the error of free runs. There the
-second share is asked once more of each name alone, beside a torque without a form that takes on the rest, for
+second share is asked once more of each name alone, beside a free curve that takes on the rest, for
 what is found in part; that explains the same share of all that is missing, unless it jumps where the motion
 turns. Higher: right names of an effect beside which much else is
 missing fall; lower: more physics outside the table gets a name. By hand, on the first draw of such physics in
-`docs/diagnosis_measured.md`; of the second one 20 of 24 were then called `unknown`, and one got a wrong name
-surely; 22 and none later, 19 and none since a name whose innovations are white is kept, unsurely; of a third
-one, looked at once, 20 and one."""
+docs/diagnosis_measured.md, which has what came of it on later ones."""
 
 NOT_QUITE, ANOTHER_LAW, NOT_QUITE_DRY, ANOTHER_LAW_DRY = 0.1, 0.3, 0.3, 0.5
 """Share of what a name gains that a curve over its own quantity gains beside it (log-likelihood net of
@@ -207,14 +204,12 @@ LEAST_JUMP, SURE_JUMP = 0.03, 5.0
 """Size of a torque that jumps where the motion turns, as a share of the rms input torque on the recordings of
 either kind that are driven less, and in standard errors of both together, from which it is dry friction.
 Lower: smooth physics that is strong at low speeds passes for friction; higher: small friction beside much
-else is missed. By hand, on two sealed draws of physics outside the table, where both kinds had to exceed the
-share: 22 of 27 frictions are seen, 19 within a fifth of their size, and none of 25 cases without; of 150
-cases of a seed of the benchmark, 40 clean ones among them, two have one, both with friction. With the lesser
-share two more of 24 are seen on two later draws, within a tenth; of 48 cases without two have one, whose
-physics is a friction that fades."""
+else is missed. By hand, on two sealed draws of physics outside the table: 22 of 27 frictions are seen, 19
+within a fifth of their size, and none of 25 cases without; of 150 cases of a seed of the benchmark, 40 clean
+ones among them, two have one, both with friction."""
 
 NEARLY_ALL = 0.8
-"""Share of what torques without a form explain that the names of the inverse dynamics must explain to stand
+"""Share of what free curves explain that the names of the inverse dynamics must explain to stand
 where the first method has given its own name up; their free run must err no more, either. Also what a name
 beside `unknown` must explain of what any torque in its own quantities does, where a curve over one of them is
 clearly more likely: in a long recording the least difference in form is clear. Lower: more names for
@@ -224,13 +219,11 @@ instrument's spindle has 0.95 of the second."""
 NEARLY_ALL_TORQUE = 0.9
 """Share of what any torque explains of what is missing (mean square, in the band of the motion, where it
 was not fitted), and NEARLY_ALL of all of that, that names must explain to be the answer although one-step
-predictions or free runs ask for more; no torque without a form may explain STRUCTURED of what they leave,
+predictions or free runs ask for more; no free curve may explain STRUCTURED of what they leave,
 unless the names explain that share of all and free runs with them err by no more than a twentieth. Lower:
 physics without a name gets the nearest one; higher: right names of machines whose law is not quite the
-name's are `unknown`. By hand: of 34 `unknown` answers on real joints five get names so, all expected ones,
-and two of six later ones (a balancing robot's gravity and a ball screw's friction); of 238 on the benchmark
-and on four draws of physics without a name none, nor of 36 of a fifth (of the four a loaded potentiometer
-without the condition on what is left)."""
+name's are `unknown`. By hand: of 40 `unknown` answers on real joints seven get names so, all expected ones;
+of 274 on the benchmark and on five draws of physics without a name none."""
 
 WHITE = 53.0
 """Portmanteau statistic over 25 lags that white innovations exceed once in a thousand. Above it on both kinds

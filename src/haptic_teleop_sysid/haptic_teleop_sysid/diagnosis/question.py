@@ -83,7 +83,7 @@ def questioned(
         and more_plainly(second_method, result, first_errors)
     ):
         return instead("what is more than the plainer form of the inverse dynamics is not known")
-    # Where what is left is random, a torque without a form follows chance.
+    # Where what is left is random, a free curve follows chance.
     left = (
         bool(result.choices) and doubt is None and not left_is_random(result.final, found.learn, found.judge)
     )

@@ -1,4 +1,4 @@
-"""A torque without a form as a map: how fine, with which numbers, and how much it explains where it was not
+"""A free curve as a map: how fine, with which numbers, and how much it explains where it was not
 drawn from."""
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 #: Knots of a curve or a surface up to which it is made finer.
 MOST_KNOTS = 100
-#: What the quantities of a torque without a form are called in a model file.
+#: What the quantities of a free curve are called in a model file.
 VARIABLES = {
     "motor angle": "angle",
     "arm angle": "angle",
@@ -74,7 +74,7 @@ def explained_there(search: Search, latent: Latent) -> float:
 
 
 def drawn(search: Search, latent: Latent) -> Effect:
-    """The map of a torque without a form as the first side's equations have it, with standard errors beside
+    """The map of a free curve as the first side's equations have it, with standard errors beside
     the structure's parameters as they come out: those of a curve as smooth as the regression expects, wide
     where no motion went, with what the other side would have it apart."""
     terms, side = (latent,), search.sides[0]

@@ -1,4 +1,4 @@
-"""A model for what has no name: the torque without a form that explains most, as a `torque_map`.
+"""A model for what has no name: the free curve that explains most, as a `torque_map`.
 
 Each torque over one or two quantities of the motion (`inverse_dynamics.latent`) is drawn by least squares on
 the estimation recordings; the structure's parameters are then fitted beside it, and the free simulation of

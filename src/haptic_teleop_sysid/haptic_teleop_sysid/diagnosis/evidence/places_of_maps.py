@@ -1,4 +1,4 @@
-"""Which torques without a form can be measured: over one or two quantities of the motion, at one place."""
+"""Which free curves can be measured: over one or two quantities of the motion, at one place."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ENOUGH = 0.25
 
 @dataclass(frozen=True)
 class Place:
-    """Torques without a form that were drawn with one ``search``: ``maps``, best first and as fine as the
+    """Free curves that were drawn with one ``search``: ``maps``, best first and as fine as the
     recordings allow, and the best ``other``, which no map can follow."""
 
     search: Search

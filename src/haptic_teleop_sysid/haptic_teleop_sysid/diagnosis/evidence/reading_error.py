@@ -39,8 +39,8 @@ class ReadingError:
     """By what an encoder at ``location`` reads more than the angle: ``error`` (n,), rad, at ``angle`` (n,),
     as it reads; but for a scale and an offset, which nobody can tell from an inertia and a zero.
     ``explained``: share (mean square) of the torque that structure, dry friction and what is named leave
-    which it explains on recordings to which it was not fitted; ``by_torque``: what the best torque without a
-    form does."""
+    which it explains on recordings to which it was not fitted; ``by_torque``: what the best free curve
+    does."""
 
     location: str
     angle: FloatArray

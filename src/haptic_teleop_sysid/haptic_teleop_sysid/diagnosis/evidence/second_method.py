@@ -65,7 +65,7 @@ class SecondMethod:
 
     @property
     def explains_most(self) -> bool:
-        """Whether the chosen effects explain nearly all that torques without a form could."""
+        """Whether the chosen effects explain nearly all that free curves could."""
         if self.chosen is None:
             return False
         return self.chosen.group.explained > NEARLY_ALL * self.searched.recoverable

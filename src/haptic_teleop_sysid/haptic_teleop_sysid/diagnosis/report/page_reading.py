@@ -26,7 +26,7 @@ def reading_section(page: Page, content: dict[str, Any], units: Units) -> None:
         section.text(f"{found['fit']['what'][0].upper()}{found['fit']['what'][1:]}.")
     section.text(
         f"It explains {100 * found['explained']:.0f} % of what is missing on recordings to which it was not "
-        f"fitted, the best torque without a form {max(100 * found['by_torque'], 0.0):.0f} %. A scale and an "
+        f"fitted, the best free curve {max(100 * found['by_torque'], 0.0):.0f} %. A scale and an "
         "offset of the encoder are not in it: of a rigid joint nobody can tell them from an inertia and a "
         "zero."
     )

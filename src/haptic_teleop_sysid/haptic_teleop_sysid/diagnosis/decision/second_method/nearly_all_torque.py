@@ -1,8 +1,8 @@
 """Names that explain nearly all the torque that is missing, whatever one-step predictions say.
 
 No law is quite a machine's, and in a long recording the least difference is clear to a likelihood. Where the
-inverse dynamics explain nearly all with few names, on stretches that were not fitted, and no torque without a
-form explains most of the little that they leave, the names are the answer, and nobody is sure of them. Nor
+inverse dynamics explain nearly all with few names, on stretches that were not fitted, and no free curve
+explains most of the little that they leave, the names are the answer, and nobody is sure of them. Nor
 does a shape of what they leave count where free runs with them hardly err, if no names leave none.
 """
 
@@ -23,8 +23,8 @@ def nearly_all_torque(
 ) -> SecondMethod | None:
     """The second method that chooses, of the groups that gain most for their number of effects, the one with
     the fewest of which holds: together they explain NEARLY_ALL_TORQUE of what any torque does, and NEARLY_ALL
-    of what is missing, each of them LEAST_EXPLAINED of what the others leave; beside them no torque without a
-    form explains STRUCTURED of the rest, or, where that holds of no group, they explain NEARLY_ALL_TORQUE of
+    of what is missing, each of them LEAST_EXPLAINED of what the others leave; beside them no free curve
+    explains STRUCTURED of the rest, or, where that holds of no group, they explain NEARLY_ALL_TORQUE of
     all that is missing, and their free runs (``errors``) err by no more than SLIGHT_ERROR; and these err no
     more than any of those ``before`` on either kind of recordings, and less than the mean. None where there
     is none. Its rivals are the groups of as many effects of which all that holds, too."""
@@ -66,6 +66,6 @@ def _explain(searched: SearchedGroups, group: Group, most: float) -> bool:
 
 
 def _has_shape(searched: SearchedGroups, group: Group) -> bool:
-    """Whether a torque without a form explains most of what a group leaves."""
+    """Whether a free curve explains most of what a group leaves."""
     rest = searched.beside(group)
     return rest is not None and rest[1] >= STRUCTURED

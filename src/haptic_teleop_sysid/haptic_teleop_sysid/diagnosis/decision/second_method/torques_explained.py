@@ -33,7 +33,7 @@ def inadequate(result: SearchResult, second_method: SecondMethod, errors: Errors
         if adequacy < LEAST_EXPLAINED:
             name = choice.chosen.effect.effect
             why = (
-                f"{name} explains {100 * adequacy:.0f} % of what a torque without a form explains "
+                f"{name} explains {100 * adequacy:.0f} % of what a free curve explains "
                 "in the same quantities"
             )
             return Doubt(choice, why, short=True)

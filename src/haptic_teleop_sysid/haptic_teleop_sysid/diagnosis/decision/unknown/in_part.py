@@ -2,7 +2,7 @@
 
 A name explains little where much else is missing: friction of a drive whose link bends in a way that is no
 spring's. Judged together with the nearest name of the rest it falls with that. Here each name is judged
-beside a torque without a form, in quantities that are not its own, that takes on the rest whatever its law
+beside a free curve, in quantities that are not its own, that takes on the rest whatever its law
 (a partly linear model: Robinson, Econometrica 56(4), 1988); by itself where each of these could be its own,
 as on one slow sine. The verdict stays `unknown`.
 """
@@ -45,7 +45,7 @@ class InPart:
     (what halves of the stretches, and the sizes found elsewhere, put them apart); ``index`` among the effects
     of which it is one; ``apart``: the sizes found elsewhere, and ``words`` for that; ``adequacy``: share that
     it explains of what any torque in its own quantities does, or, where it is the same ``everywhere``, any at
-    its place; ``share``: of all that is missing; ``rest``: the torque without a form beside which it was
+    its place; ``share``: of all that is missing; ``rest``: the free curve beside which it was
     judged, which explains ``more`` of all that is missing; None where each such torque could be the name's,
     too; ``others``: what the torques do not tell it from, with their shares; ``known``: its own share."""
 
@@ -71,11 +71,11 @@ class InPart:
         beside, rest = "", "what the rest is has no name"
         if self.rest is not None:
             follows = " and ".join(self.rest.quantities)
-            beside = f"beside a torque without a form that follows {follows} at {self.rest.location}, "
+            beside = f"beside a free curve that follows {follows} at {self.rest.location}, "
             rest = "what that other torque is has no name"
         return (
             f"{beside}it explains {100 * self.share:.0f} % of the torque that is missing on recordings that "
-            f"were not fitted, and {100 * self.adequacy:.0f} % of what any torque without a form that could "
+            f"were not fitted, and {100 * self.adequacy:.0f} % of what any free curve that could "
             f"be it does; {rest}" + (f"; {self.words} {others}" if others else "")
         )
 
@@ -185,7 +185,7 @@ def _judged(
 
 
 def _of_all_torques(own: Hypothesis, here: Sequence[Latent], search: Search) -> float:
-    """Share of what any torque without a form explains at a constant's place that the constant does."""
+    """Share of what any free curve explains at a constant's place that the constant does."""
     most = max(search.explained((q,)) for q in here)
     return min(max(search.explained((own,)), 0.0) / most, 1.0) if most > 0.0 else 1.0
 

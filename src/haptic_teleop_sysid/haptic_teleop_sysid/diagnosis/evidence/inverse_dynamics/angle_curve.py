@@ -27,7 +27,7 @@ _DEGREE = 2
 
 @dataclass(frozen=True, eq=False)
 class AngleCurve(Latent):
-    """Either of them as a torque without a form, with factors that are those of an inertia (kg·m²) by which
+    """Either of them as a free curve, with factors that are those of an inertia (kg·m²) by which
     the one at an angle is less than the structure's: quadratic splines over evenly spaced ``knots``;
     ``rate``: damping that varies with it, 1/s; ``square``: of the term in v²."""
 

@@ -129,7 +129,7 @@ class SearchedGroups:
         return replace(group, model=both.model, at_bound=both.at_bound, settled=left_open)
 
     def beside(self, group: Group) -> tuple[Latent, float] | None:
-        """The torque without a form that explains most of what a group leaves, and the share of that."""
+        """The free curve that explains most of what a group leaves, and the share of that."""
         more = self.folds.free_curves(group.hypotheses, 1)
         if not more:
             return None

@@ -26,7 +26,7 @@ Chosen = tuple[Hypothesis, ...]
 #: Share of what the structure alone leaves (mean square) that no equation of an effect comes nearer to: dry
 #: friction is never quite that, and what a richer form gains below it says nothing.
 FORM = 0.005
-#: Log-likelihood by which a torque without a form must exceed an effect to speak against it.
+#: Log-likelihood by which a free curve must exceed an effect to speak against it.
 CLEARLY = 12.0
 #: Share of an effect's torque (mean square) up to which one without a form may miss its shape.
 SHAPED = 0.2
@@ -35,7 +35,7 @@ STEADY = 1e-6
 #: Share of an effect's torque (mean square) that nothing else of its group may give. Of right names on real
 #: machines at least 0.02, of those that say the same as others 0.002 or less.
 LEAST_OWN = 0.01
-#: Torques without a form that together say what could be explained.
+#: Free curves that together say what could be explained.
 MOST_FREE_CURVES = 2
 #: The parameter that multiplies the motor's acceleration.
 INERTIA = "motor_inertia"
@@ -139,10 +139,10 @@ class Search:
         return any(min(own, default=1.0) > LEAST_OWN for own in shares)
 
     def adequacies(self, chosen: Chosen) -> list[float]:
-        """For each effect of a group, how much of what a torque without a form explains in the same
+        """For each effect of a group, how much of what a free curve explains in the same
         quantities, at the same place, it does, 0 to 1; 1 where none explains clearly more.
 
-        A torque without a form has the quantities of an effect where it can take on the effect's shape."""
+        A free curve has the quantities of an effect where it can take on the effect's shape."""
         return [self.adequacy_beside(one, tuple(h for h in chosen if h is not one)) for one in chosen]
 
     def adequacy_beside(self, one: Hypothesis, rest: Terms) -> float:
@@ -158,7 +158,7 @@ class Search:
         return min(max(own, 0.0) / most, 1.0) if most > 0.0 else 1.0
 
     def alike(self, hypothesis: Hypothesis) -> list[Latent]:
-        """Torques without a form, at the same place, that can take on the shape of an effect; none over time,
+        """Free curves, at the same place, that can take on the shape of an effect; none over time,
         which takes on any shape on a recording that is short, and none of an effect that is the same
         everywhere: any of them holds a constant, and what else it explains follows its quantity."""
         if self.same_everywhere(hypothesis):
@@ -178,7 +178,7 @@ class Search:
 
     @cached_property
     def latents(self) -> tuple[Latent, ...]:
-        """Every torque without a form."""
+        """Every free curve."""
         return tuple(latents(self.model, [m for side in self.sides for m in side.side.motions]))
 
     def forget(self, terms: Iterable[Term]) -> None:
@@ -188,7 +188,7 @@ class Search:
             side.forget(gone)
 
     def free_curves(self, beside: Chosen, most: int = MOST_FREE_CURVES) -> tuple[Latent, ...]:
-        """Up to ``most`` torques without a form, as long as each explains more, beside some effects."""
+        """Up to ``most`` free curves, as long as each explains more, beside some effects."""
         found: tuple[Latent, ...] = ()
         for _ in range(most):
             wider = min(

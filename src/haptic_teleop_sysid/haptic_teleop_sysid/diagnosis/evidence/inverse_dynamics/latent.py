@@ -1,4 +1,4 @@
-"""Torques without a form: any function of one or two quantities of the motion.
+"""Free curves: any function of one or two quantities of the motion.
 
 What the best of them explains is what could be explained at all by a torque at that place; a named effect
 that explains much less of it is not the answer, whatever it is better than (restoring-force surfaces: Masri
@@ -163,14 +163,14 @@ class Latent:
 
 
 def latents(model: Model, motions: Sequence[BandedMotion]) -> Iterator[Latent]:
-    """Torques without a form at every equation; knots over what all motions cover."""
+    """Free curves at every equation; knots over what all motions cover."""
     places = ("motor",) if model.rigid else ("motor", "arm", "joint")
     for place in places:
         yield from _over(model, motions, place, [*((n,) for n in CURVES[place]), *SURFACES[place]])
 
 
 def measured_over(model: Model, motions: Sequence[BandedMotion], place: str) -> Iterator[Latent]:
-    """Further torques without a form at a place that can be measured, by MEASURED_OVER; none over a turn
+    """Further free curves at a place that can be measured, by MEASURED_OVER; none over a turn
     where a map of all of them would be long."""
     angle = np.concatenate([m.angle[:, int(place == "arm")] for m in motions])
     few = float(np.ptp(angle)) < MOST_TURNS * 2.0 * np.pi

@@ -23,7 +23,7 @@ Terms = tuple[Term, ...]
 #: Products (p, p) of columns, those with the target (p,), and its own.
 Multiplied = tuple[FloatArray, FloatArray, float]
 
-#: Weight that keeps a torque without a form straight, relative to the best visited knot.
+#: Weight that keeps a free curve straight, relative to the best visited knot.
 STIFF = 0.05
 
 
@@ -81,7 +81,7 @@ class Products:
         return solved(products, mixed, low, high)
 
     def information(self, terms: Terms) -> tuple[FloatArray, FloatArray]:
-        """Products (p, p) of the columns of a group, with what keeps torques without a form straight, and
+        """Products (p, p) of the columns of a group, with what keeps free curves straight, and
         those with the target (p,)."""
         products, mixed, _ = self._group(terms)
         if not any(isinstance(term, Latent) for term in terms):

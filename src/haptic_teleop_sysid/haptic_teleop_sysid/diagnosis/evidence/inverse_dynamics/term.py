@@ -1,4 +1,4 @@
-"""What a regression on the equations of motion takes as a term: an effect, a torque without a form, a law's
+"""What a regression on the equations of motion takes as a term: an effect, a free curve, a law's
 product."""
 
 from __future__ import annotations
