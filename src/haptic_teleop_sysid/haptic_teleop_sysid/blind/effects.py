@@ -1,4 +1,4 @@
-"""The contract's vocabulary as this generator plants it: what is drawn, and which slots of the physics it
+"""The vocabulary of effects as this generator plants it: what is drawn, and which slots of the physics it
 fills."""
 
 from __future__ import annotations

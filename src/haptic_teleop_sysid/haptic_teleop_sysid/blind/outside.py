@@ -1,4 +1,4 @@
-"""Physics that the contract's table does not have: what `diagnose` must call unknown, not misname."""
+"""Physics that the table of effects does not have: what `diagnose` must call unknown, not misname."""
 
 from __future__ import annotations
 

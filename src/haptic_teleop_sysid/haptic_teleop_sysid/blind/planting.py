@@ -32,7 +32,7 @@ class Planted:
     detectability: float = math.nan
 
     def location(self, stage: str) -> str:
-        """Location in the contract's words."""
+        """Location in the words of diagnosis.json."""
         return f"{stage}_{self.part}"
 
 

@@ -1,4 +1,4 @@
-"""What else of the contract's table would explain a hidden effect in the same recordings.
+"""What else of the table of effects would explain a hidden effect in the same recordings.
 
 Every effect of the table is written down as a force along the trajectory that was driven, over a grid of its
 shape, and fitted to the truth with the base parameters free. What is left is the distance, in nats, at which

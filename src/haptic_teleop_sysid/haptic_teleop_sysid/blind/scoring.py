@@ -1,4 +1,4 @@
-"""One case's score: what `diagnose` said against what was hidden, from the contract's diagnosis.json only."""
+"""One case's score: what `diagnose` said against what was hidden, from diagnosis.json only."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def read_diagnosis(directory: Path) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         return {**failed, "message": f"diagnosis.json is no JSON: {error}"}
     if not isinstance(found, dict) or found.get("verdict") not in VERDICTS:
-        return {**failed, "message": "diagnosis.json has no verdict of the contract"}
+        return {**failed, "message": "diagnosis.json has no known verdict"}
     return {**found, "wall_s": ran["seconds"]}
 
 
@@ -150,7 +150,7 @@ def _parameters(label: dict[str, Any], diagnosis: dict[str, Any]) -> list[dict[s
 def _conventions(
     effect: str, key: str, truth: float, label: dict[str, Any], torque_constant: float | None
 ) -> list[float]:
-    """Return the values that the contract's words allow for the same physics.
+    """Return the values that these words allow for the same physics.
 
     A torque limit or dead band of the amplifier may be told by the true torque constant or by the nominal one
     of the messages; a scale as factor or as deviation from one.

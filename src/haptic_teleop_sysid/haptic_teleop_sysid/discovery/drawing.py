@@ -1,4 +1,4 @@
-"""A robot by seed: parameters that the lab knows only roughly, and one effect of the contract's table that it
+"""A robot by seed: parameters that the lab knows only roughly, and one effect of the table of effects that it
 does not know of.
 
 Kinds and scales of the effects are those of the blind benchmark; here they end in a model file that a plant
@@ -32,7 +32,7 @@ LEFT_OUT: dict[tuple[str, str], str] = {
     ("channel_skew", "arm_encoder"): "a late channel of a running robot is a sensor delay",
     ("channel_skew", "actuator"): "a running robot reports its current when it has measured it",
 }
-"""Places of the contract's table that are not drawn, and why."""
+"""Places of the table of effects that are not drawn, and why."""
 LATER = ("angle_dependent_inertia", "torque_speed_limit")
 """Effects that came to the table after the first robots, and the examples of the docs, were drawn."""
 #: Sizes, in the blind benchmark's units of an effect, that are plain but not absurd.

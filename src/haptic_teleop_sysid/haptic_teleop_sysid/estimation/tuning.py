@@ -24,15 +24,17 @@ _MOST_STEPS, _MOST_OF_MOTION = 30.0, 0.1
 #: A disturbance that is remembered for longer is a constant to a recording of half a minute, and takes for
 #: itself what a constant torque explains.
 _BOUNDS = {"motor_time": (2e-3, 10.0), "arm_time": (2e-3, 10.0)}
+#: Disturbances of motor and arm at the start, as shares of the rms input torque.
+MOTOR_SHARE, ARM_SHARE = 0.05, 0.02
 
 
 def initial_noise(packed: Packed, records: Sequence[Record]) -> NoiseModel:
-    """A start: disturbances of 5 % (motor) and 2 % (arm) of the rms input torque, encoder noise from its
+    """A start: disturbances of MOTOR_SHARE and ARM_SHARE of the rms input torque, encoder noise from its
     step."""
     torque = packed.torque_constant * float(np.sqrt(np.mean([np.mean(r.input**2) for r in records])))
     torque = max(torque, 1e-9)
     motor, arm = (float(np.mean([r.resolution[i] for r in records])) / np.sqrt(12.0) for i in (0, 1))
-    return NoiseModel(0.05 * torque, 0.02 * torque, motor, arm)
+    return NoiseModel(MOTOR_SHARE * torque, ARM_SHARE * torque, motor, arm)
 
 
 def level_bounds(packed: Packed, records: Sequence[Record]) -> dict[str, tuple[float, float]]:

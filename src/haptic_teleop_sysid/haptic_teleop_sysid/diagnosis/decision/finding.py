@@ -1,4 +1,4 @@
-"""One finding in the contract's terms: its parameters with their errors, and how sure it is."""
+"""One finding in the terms of diagnosis.json: its parameters with their errors, and how sure it is."""
 
 from __future__ import annotations
 

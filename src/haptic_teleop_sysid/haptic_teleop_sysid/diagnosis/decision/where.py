@@ -1,4 +1,4 @@
-"""Where something is missing, and under which condition, in the contract's terms."""
+"""Where something is missing, and under which condition, in the terms of diagnosis.json."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _ACTS = {
 
 
 def called(effect: Effect) -> str:
-    """What an effect is called: what has no name in the contract's table is described."""
+    """What an effect is called: what has no name in the table of effects is described."""
     if effect.entry.unnamed:
         return f"something without a name ({effect.entry.sentence})"
     return effect.effect

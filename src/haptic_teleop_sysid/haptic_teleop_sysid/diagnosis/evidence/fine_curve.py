@@ -24,6 +24,7 @@ from haptic_teleop_sysid.estimation.records import SHORTEST_PIECE, Record, piece
 from haptic_teleop_sysid.estimation.whitening import whiten
 
 from ..starts.answers import answers_to
+from .hats import hats
 
 FloatArray = NDArray[np.float64]
 
@@ -84,7 +85,7 @@ def follows_input_finely(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> float:
         along = np.concatenate([_input(fit, r) for fit, records in fits for r in records])
     except FAILURES:
         return 0.0
-    return float(np.sqrt(np.mean((_hats(along, knots) @ detail) ** 2)))
+    return float(np.sqrt(np.mean((hats(along, knots, held=False) @ detail) ** 2)))
 
 
 class _Fine(NamedTuple):
@@ -131,7 +132,8 @@ def _first(records: Sequence[Record]) -> list[Record]:
 
 def _smooth(knots: FloatArray) -> FloatArray:
     """The coarse hats at the knots (knots, coarse ones)."""
-    return _hats(knots, knots[np.unique(np.append(np.arange(0, len(knots), _COARSE), len(knots) - 1))])
+    every = np.append(np.arange(0, len(knots), _COARSE), len(knots) - 1)
+    return hats(knots, knots[np.unique(every)], held=False)
 
 
 def _input(fit: Fit, record: Record) -> FloatArray:
@@ -152,8 +154,8 @@ def _products(fit: Fit, record: Record, knots: FloatArray, along: Along) -> Floa
     packed = pack(fit.model)
     run = innovations(packed, fit.noise, record, fit.free)
     transition, gain, shown = observer(packed, fit.noise, record.dt, channels(packed, record))
-    hats = _hats(along(fit, record), knots)
-    answers = answers_to(hats, 0, False, record.read, transition, gain, shown)
+    torques = hats(along(fit, record), knots, held=False)
+    answers = answers_to(torques, 0, False, record.read, transition, gain, shown)
     slopes = np.concatenate([run.d_innovation, answers], axis=2)
     errors, slopes = whiten(packed, record, run.innovation, slopes)
     free = run.d_innovation.shape[2]
@@ -163,13 +165,3 @@ def _products(fit: Fit, record: Record, knots: FloatArray, along: Along) -> Floa
     rest = np.column_stack([slopes[:, free:], errors])
     rest -= known @ (known.T @ rest)
     return np.asarray(rest.T @ rest)
-
-
-def _hats(values: FloatArray, knots: FloatArray) -> FloatArray:
-    """Hats (n, knots) of values (n,); nothing beyond the first and the last."""
-    found = np.zeros((len(values), len(knots)))
-    there = np.flatnonzero((values >= knots[0]) & (values <= knots[-1]))
-    left = np.clip(np.searchsorted(knots, values[there], side="right") - 1, 0, len(knots) - 2)
-    share = (values[there] - knots[left]) / (knots[left + 1] - knots[left])
-    found[there, left], found[there, left + 1] = 1.0 - share, share
-    return found

@@ -45,7 +45,7 @@ class Proof:
         return float(np.mean(np.maximum(found, LOWEST)))
 
     def content(self) -> dict[str, Any]:
-        """The contract's `fit`."""
+        """The `fit` of diagnosis.json."""
         percent = {
             model: {part: mean_percent(found) for part, found in by_part.items()}
             for model, by_part in self.fits.items()

@@ -15,7 +15,7 @@ from haptic_teleop_sysid.estimation.noise import NoiseModel
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.prediction_fit import fit_parameters
 from haptic_teleop_sysid.estimation.records import Record
-from haptic_teleop_sysid.estimation.tuning import initial_noise
+from haptic_teleop_sysid.estimation.tuning import MOTOR_SHARE, initial_noise
 
 from ..hypotheses.candidates import candidates
 from ..hypotheses.explanation import Explanation
@@ -35,8 +35,7 @@ def simulation_noise(fit: Fit, records: Sequence[Record]) -> NoiseModel:
     """
     packed = pack(fit.model)
     start = initial_noise(packed, records)
-    # ``initial_noise`` gives 5 % and 2 % of the rms torque.
-    level = start.motor_torque / 0.05 * _DISTURBANCE
+    level = start.motor_torque / MOTOR_SHARE * _DISTURBANCE
     return replace(
         start,
         motor_torque=level,

@@ -42,7 +42,7 @@ _UNSURE = 0.2
 
 
 def next_experiment(result: SearchResult, verdict: Verdict, records: Sequence[Record]) -> dict[str, Any]:
-    """What to record next, as the contract has it: what separates explanations that the recordings leave
+    """What to record next: what separates explanations that the recordings leave
     open, then what makes a size surer."""
     unsure = next((c for c in result.choices if c.ambiguous), None)
     if unsure is not None:

@@ -51,7 +51,7 @@ class Choice:
 
     @property
     def unnamed(self) -> bool:
-        """Whether what explains the recordings best has no name in the contract's table."""
+        """Whether what explains the recordings best has no name in the table of effects."""
         return self.chosen.effect.entry.unnamed
 
     @property

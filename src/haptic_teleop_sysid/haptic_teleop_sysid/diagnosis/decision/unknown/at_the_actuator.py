@@ -23,7 +23,7 @@ from ..coloured import driven
 from ..name_tests.place import effect_of
 from ..verdict import Verdict
 
-#: When it shows, in the contract's words.
+#: When it shows, in the words of diagnosis.json.
 WITH_THE_INPUT = "input and time"
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
+from ..hats import between, hat, hats
 from .block_means import sparse_block_means
 from .effect_variables import turning
 from .motion import BandedMotion
@@ -99,10 +100,10 @@ class Latent:
         places, values = np.zeros((len(motion.time), 1), dtype=np.intp), np.ones((len(motion.time), 1))
         number = 1
         for name, knots in zip(self.quantities, self.knots, strict=True):
-            left, share = _between(quantity(motion, self.place, name, self.turns), np.array(knots))
-            at, hat = np.column_stack([left, left + 1]), np.column_stack([1.0 - share, share])
+            left, share = between(quantity(motion, self.place, name, self.turns), np.array(knots))
+            at, ends = np.column_stack([left, left + 1]), np.column_stack([1.0 - share, share])
             places = (len(knots) * places[:, :, None] + at[:, None, :]).reshape(len(at), -1)
-            values = (values[:, :, None] * hat[:, None, :]).reshape(len(at), -1)
+            values = (values[:, :, None] * ends[:, None, :]).reshape(len(at), -1)
             number *= len(knots)
         means = sparse_block_means(places, values, number, motion.block, motion.first)
         return motion.of_blocks(means, times=2)
@@ -112,11 +113,11 @@ class Latent:
         sides = []
         for name, knots in zip(self.quantities, self.knots, strict=True):
             along = _while_held(motion, model, self.place, name, self.turns)
-            sides.append(_between(along, np.array(knots)))
+            sides.append(between(along, np.array(knots)))
         columns = []
         for numbers in itertools.product(*(range(len(knots)) for knots in self.knots)):
-            hats = (_hat(left, share, k) for (left, share), k in zip(sides, numbers, strict=True))
-            columns.append(motion.filtered(motion.of_input(np.prod([*hats], axis=0))))
+            shapes = (hat(left, share, k) for (left, share), k in zip(sides, numbers, strict=True))
+            columns.append(motion.filtered(motion.of_input(np.prod([*shapes], axis=0))))
         return np.column_stack(columns)
 
     def bends(self) -> FloatArray:
@@ -141,13 +142,13 @@ class Latent:
         other quantity: the velocity follows the input, and where friction carries nearly all of the torque
         the input the velocity; a function of both may have no part in proportion to the rest."""
         values = np.array(self.samples)
-        hats = [_hats(along, np.array(knots)) for along, knots in zip(values, self.knots, strict=True)]
+        shapes = [hats(along, np.array(knots)) for along, knots in zip(values, self.knots, strict=True)]
         rest = values[self.quantities.index(INPUT)]
         columns = np.ones((len(rest), 1))
-        for name, hat in zip(self.quantities, hats, strict=True):
-            columns = (columns[:, :, None] * hat[:, None, :]).reshape(len(rest), -1)
+        for name, shape in zip(self.quantities, shapes, strict=True):
+            columns = (columns[:, :, None] * shape[:, None, :]).reshape(len(rest), -1)
             if name != INPUT:
-                rest = rest - hat @ np.linalg.lstsq(hat, rest, rcond=None)[0]
+                rest = rest - shape @ np.linalg.lstsq(shape, rest, rcond=None)[0]
         whole = float(np.linalg.norm(values[self.quantities.index(INPUT)]))
         return rest @ columns / len(rest) * (float(np.linalg.norm(rest)) > _NOTHING * whole)
 
@@ -269,21 +270,3 @@ def _tied(number: int) -> FloatArray:
     rows[0, [0, -1]] = TIE, -TIE
     rows[1, [0, 1, -2, -1]] = -1.0, 1.0, 1.0, -1.0
     return rows
-
-
-def _hats(values: FloatArray, knots: FloatArray) -> FloatArray:
-    """The piecewise linear functions that are 1 at one knot, at values (n,): (n, knots)."""
-    left, share = _between(values, knots)
-    return np.column_stack([_hat(left, share, number) for number in range(len(knots))])
-
-
-def _hat(left: NDArray[np.intp], share: FloatArray, number: int) -> FloatArray:
-    """The one of them that is 1 at the knot of this number, from what `_between` says, (n,)."""
-    return (left == number) * (1.0 - share) + (left + 1 == number) * share
-
-
-def _between(values: FloatArray, knots: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """Of each value (n,) the knot below it and the share of the way to the next one, 0 to 1: of the piecewise
-    linear functions that are 1 at one knot and 0 at the others, constant beyond, these two are not zero."""
-    left = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
-    return left, np.clip((values - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
