@@ -16,7 +16,7 @@ from haptic_teleop_sysid.diagnosis.decision.second_method.free_run_sizes import 
     turning_limits,
 )
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.searched_groups import Group
 from haptic_teleop_sysid.diagnosis.evidence.second_method import JudgedGroup
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.dataset import DataSet

@@ -8,7 +8,7 @@ from identification_plants import STAGE
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.second_method.known_sizes import with_known_sizes
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.searched_groups import Group
 from haptic_teleop_sysid.diagnosis.evidence.second_method import JudgedGroup, SecondMethod
 
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 1.4})

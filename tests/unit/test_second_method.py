@@ -34,7 +34,8 @@ from haptic_teleop_sysid.diagnosis.decision.second_method.torques_explained impo
     recovered,
 )
 from haptic_teleop_sysid.diagnosis.decision.verdict import decide_verdict
-from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import Group, search_groups
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.group_search import search_groups
+from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.searched_groups import Group
 from haptic_teleop_sysid.diagnosis.evidence.second_method import (
     JudgedGroup,
     fitted_to_both,

@@ -20,7 +20,8 @@ from .where import doubtful_place, structured, where_found, where_left
 
 @dataclass(frozen=True)
 class Verdict:
-    """``kind``: identified | ambiguous | unknown | no_mismatch; ``where``, ``findings``: as in diagnosis.json;
+    """``kind``: identified | ambiguous | unknown | no_mismatch; ``where``, ``findings``: as in
+    diagnosis.json;
     ``remaining``: what the left-over torque still depends on, strongest first; ``before``: the same of the
     baseline; ``adequacy``: how much of what is missing the findings explain, None where none was asked."""
 

@@ -22,7 +22,7 @@ from haptic_teleop_sysid.simulation.fit import Spans
 from haptic_teleop_sysid.simulation.initial_state import measured_state, without_actuator
 
 from .horizons import free_errors
-from .inverse_dynamics.group_search import Group
+from .inverse_dynamics.searched_groups import Group
 from .proof import Course
 
 #: Factor over what an error of the first velocity would be, if nothing acted on it, from which it has grown

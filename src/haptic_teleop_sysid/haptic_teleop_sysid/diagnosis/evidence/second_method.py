@@ -23,7 +23,7 @@ from ..hypotheses.admissible import admissible
 from ..inputs.scales import Scales
 from ..policy import AN_EFFECT, ERRS_LESS, LEAST_GAIN, NEARLY_ALL
 from .horizons import PERFECT
-from .inverse_dynamics.group_search import Group, SearchedGroups
+from .inverse_dynamics.searched_groups import Group, SearchedGroups
 
 #: Log-likelihood that counts for each time that the error of the free run falls by a factor e on one kind of
 #: recordings: halved on both it counts as much as two effects must gain.

@@ -1,4 +1,5 @@
-"""The content of diagnosis.json: the keys that others rely on, and what docs/file_formats.md lists beside them."""
+"""The content of diagnosis.json: the keys that others rely on, and what docs/file_formats.md lists beside
+them."""
 
 from __future__ import annotations
 

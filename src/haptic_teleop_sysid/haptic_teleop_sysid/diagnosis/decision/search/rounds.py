@@ -11,8 +11,8 @@ from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
 from ...evidence.actuator import joined
-from ...evidence.inverse_dynamics.group_search import SearchedGroups
 from ...evidence.inverse_dynamics.late_channels import late_channels
+from ...evidence.inverse_dynamics.searched_groups import SearchedGroups
 from ...evidence.isolable import nats_apart
 from ...evidence.shown_by_current import Shown
 from ...hypotheses.explanation import Explanation

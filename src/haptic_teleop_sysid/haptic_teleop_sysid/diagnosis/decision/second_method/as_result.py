@@ -9,7 +9,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.records import Record
 
-from ...evidence.inverse_dynamics.group_search import Group
+from ...evidence.inverse_dynamics.searched_groups import Group
 from ...evidence.second_method import Errors, SecondMethod
 from ...hypotheses.explanation import Explanation
 from ...hypotheses.twins import twins

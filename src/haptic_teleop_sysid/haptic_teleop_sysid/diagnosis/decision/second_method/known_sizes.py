@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from haptic_teleop_sim.model import Effect
 
-from ...evidence.inverse_dynamics.group_search import Group
+from ...evidence.inverse_dynamics.searched_groups import Group
 from ...evidence.second_method import Errors, JudgedGroup, SecondMethod, named_by, plainer
 from ...policy import CLEARLY_LESS, LEAST_KNOWN
 from ..finding import size_known

@@ -12,7 +12,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from ...evidence.inverse_dynamics.group_search import Group, SearchedGroups
+from ...evidence.inverse_dynamics.searched_groups import Group, SearchedGroups
 from ...evidence.second_method import APART, NEGLIGIBLE, NO_WORSE, Errors, JudgedGroup, SecondMethod
 from ...policy import LEAST_EXPLAINED, NEARLY_ALL, NEARLY_ALL_TORQUE, STRUCTURED
 from ..adequacy import SLIGHT_ERROR

@@ -16,7 +16,7 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.records import Record
 
-from ...evidence.inverse_dynamics.group_search import Group, SearchedGroups
+from ...evidence.inverse_dynamics.searched_groups import Group, SearchedGroups
 from ...evidence.second_method import SecondMethod
 from ...hypotheses.candidates import family
 from ...policy import LEAST_EXPLAINED

@@ -18,9 +18,9 @@ from typing import Any
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.fit import Fit
 
-from ...evidence.inverse_dynamics.group_search import Group, SearchedGroups
 from ...evidence.inverse_dynamics.groups import CLEARLY, Search
 from ...evidence.inverse_dynamics.latent import Latent
+from ...evidence.inverse_dynamics.searched_groups import Group, SearchedGroups
 from ...evidence.inverse_dynamics.terms import Hypothesis
 from ...evidence.second_method import APART, NEGLIGIBLE, SecondMethod
 from ...hypotheses.explanation import Explanation
