@@ -19,7 +19,7 @@ from .exact_sizes import ExactSizes
 from .folds import Fold
 from .groups import Chosen, Search, different
 from .regression import equations, own_columns
-from .searched_groups import SearchedGroups, fitted_group
+from .searched_groups import SearchedGroups, fitted_effects, fitted_group
 from .terms import Hypothesis, of_actuator
 
 #: How many groups of each number of effects are kept.
