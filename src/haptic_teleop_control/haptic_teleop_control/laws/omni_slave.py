@@ -101,11 +101,6 @@ class OmniSlaveSettings:
     def __post_init__(self) -> None:
         check_quantities(self)
 
-    @property
-    def blind_zone(self) -> float:
-        """N·m by which the estimate at rest is uncertain either way: Fc + Fcs."""
-        return self.coulomb + self.stribeck
-
     @classmethod
     def for_axis(cls, axis: str, **changes: float) -> OmniSlaveSettings:
         """Settings with the nominal inertia and spring of `axis` ("omni_y" or "omni_z"), and `changes`.
