@@ -9,9 +9,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.nodes.signal_generator import PHASE
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
 from haptic_teleop_sim.nodes.sfj_sim import SfjSim
@@ -31,9 +31,9 @@ class BareSource(Node):
         self.message = JointState(name=list(joints))
         for field in ("position", "velocity", "effort") if answer else ("position",):
             setattr(self.message, field, array("d", zeros))
-        self.out = self.create_publisher(JointState, topic, STREAM_QOS)
+        self.out = self.create_publisher(JointState, topic, LATEST_QOS)
         if answer:
-            self.create_subscription(JointState, answer, self.take, STREAM_QOS)
+            self.create_subscription(JointState, answer, self.take, LATEST_QOS)
         self.thread = DeadlineThread(1.0 / rate, self.cycle, name, phase=PHASES[name])
 
     def start(self):
@@ -59,9 +59,9 @@ class BareRelay(Node):
     def __init__(self):
         super().__init__("relay")
         self.failure = None
-        self.create_subscription(JointState, "/reference", self.take, STREAM_QOS)
+        self.create_subscription(JointState, "/reference", self.take, LATEST_QOS)
         for robot, joints in (("sfj", SFJ_MOTOR_JOINTS), ("omni", OMNI_JOINTS)):
-            out = self.create_publisher(JointState, f"/{robot}/effort_command", STREAM_QOS)
+            out = self.create_publisher(JointState, f"/{robot}/effort_command", LATEST_QOS)
             answer = JointState(name=list(joints), effort=array("d", [0.0] * len(joints)))
             copy = np.frombuffer(answer.effort)
 
@@ -70,7 +70,7 @@ class BareRelay(Node):
                 copy[:] = message.effort[: len(copy)]
                 out.publish(answer)
 
-            self.create_subscription(JointState, f"/{robot}/joint_states", relay, STREAM_QOS)
+            self.create_subscription(JointState, f"/{robot}/joint_states", relay, LATEST_QOS)
 
     def start(self):
         pass

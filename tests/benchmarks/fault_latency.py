@@ -31,7 +31,7 @@ class Listener:
         from sensor_msgs.msg import JointState
         from std_srvs.srv import Trigger
 
-        from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+        from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
         from haptic_teleop_control.robots import SFJ_MOTOR_JOINTS
 
         self.rclpy, self.error = rclpy, DiagnosticStatus.ERROR
@@ -39,7 +39,7 @@ class Listener:
         self.node = Node("second_sender")
         self.level = None
         self.command = JointState(name=list(SFJ_MOTOR_JOINTS), effort=[0.0, 0.0])
-        self.out = self.node.create_publisher(JointState, "/sfj/effort_command", STREAM_QOS)
+        self.out = self.node.create_publisher(JointState, "/sfj/effort_command", LATEST_QOS)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self.take, 50)
         self.reset = self.node.create_client(Trigger, f"{PLANT}/reset")
         self.trigger = Trigger

@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_graph import Graph
 from sensor_msgs.msg import JointState
 
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 
 RELIABLE = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 PERIOD = 1_000_000
@@ -65,7 +65,7 @@ class Source:
     """Publishes numbered joint states at 1 kHz from a thread of its own, from the moment that it is heard: so
     says the recorder, because a publisher that has met its reader may not have been met by it."""
 
-    def __init__(self, graph: Graph, count: int, qos: QoSProfile = STREAM_QOS) -> None:
+    def __init__(self, graph: Graph, count: int, qos: QoSProfile = LATEST_QOS) -> None:
         self.publisher = graph.probe.create_publisher(JointState, "/sfj/joint_states", qos)
         reliable = qos.reliability == ReliabilityPolicy.RELIABLE
         recorder_hears(graph, "/sfj/joint_states", f"1 ({'reliable' if reliable else 'best effort'})")

@@ -42,7 +42,7 @@ from haptic_teleop_control.nodes.recording.parameter_collector import (
     PATIENCE,
     ParameterCollector,
 )
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.recording import read_recording
 
 
@@ -81,7 +81,7 @@ def another(name: str) -> Iterator[Node]:
 
 
 def test_a_publisher_is_unconnected_until_every_expected_subscription_has_met_it(graph):
-    publisher = graph.probe.create_publisher(JointState, "/a", STREAM_QOS)
+    publisher = graph.probe.create_publisher(JointState, "/a", LATEST_QOS)
     here = endpoints([graph.probe])
     assert here[OUT]["/a"] == ["/probe"]
     expected = merged([here, {OUT: {}, IN: {"/a": ["/other"]}}])
@@ -93,13 +93,13 @@ def test_a_publisher_is_unconnected_until_every_expected_subscription_has_met_it
         other.create_subscription(JointState, "/a", print, reliable)
         graph.until(lambda: graph.probe.get_subscriptions_info_by_topic("/a"))
         assert publisher.get_subscription_count() == 0
-        other.create_subscription(JointState, "/a", print, STREAM_QOS)
+        other.create_subscription(JointState, "/a", print, LATEST_QOS)
         graph.until(lambda: not unconnected([graph.probe], expected))
         assert publisher.get_subscription_count() == 1
 
 
 def test_our_own_publishers_are_no_strangers_not_even_before_their_names_are_known(graph, monkeypatch):
-    graph.probe.create_publisher(JointState, "/a", STREAM_QOS)
+    graph.probe.create_publisher(JointState, "/a", LATEST_QOS)
     ours = endpoints([graph.probe])
     seen = graph.until(lambda: graph.probe.get_publishers_info_by_topic("/a"))
     assert strangers(graph.probe, ours) == {}
@@ -110,12 +110,12 @@ def test_our_own_publishers_are_no_strangers_not_even_before_their_names_are_kno
 
 @pytest.mark.parametrize("told", [True, False])
 def test_by_names_alone_a_namesake_is_told_from_us_where_both_are_there(graph, told):
-    graph.probe.create_publisher(JointState, "/a", STREAM_QOS)
+    graph.probe.create_publisher(JointState, "/a", LATEST_QOS)
     ours = endpoints([graph.probe])
     if not told:  # by a middleware whose ids do not say to which process an endpoint belongs
         ours[PARTICIPANTS] = {"": ["/probe"]}
     with another("probe") as node:
-        node.create_publisher(JointState, "/a", STREAM_QOS)
+        node.create_publisher(JointState, "/a", LATEST_QOS)
         seen = graph.until(lambda: strangers(graph.probe, ours), what="the namesake")
         assert seen == {"/a": ["another /probe"]} or seen == {"/a": ["a node whose name is not known"]}
         graph.until(lambda: strangers(graph.probe, ours) == {"/a": ["another /probe"]})
@@ -124,16 +124,16 @@ def test_by_names_alone_a_namesake_is_told_from_us_where_both_are_there(graph, t
 def test_a_namesake_is_not_taken_for_one_of_ours_that_is_not_there_yet(graph):
     """Two runs of one file: a run that has discovered the other, but not yet all of itself."""
     expected = merged([endpoints([graph.probe]), {OUT: {"/a": ["/one"]}, IN: {"/b": ["/one"]}}])
-    graph.probe.create_subscription(JointState, "/a", print, STREAM_QOS)
-    graph.probe.create_publisher(JointState, "/b", STREAM_QOS)
+    graph.probe.create_subscription(JointState, "/a", print, LATEST_QOS)
+    graph.probe.create_publisher(JointState, "/b", LATEST_QOS)
     with another("one") as namesake:
-        namesake.create_publisher(JointState, "/a", STREAM_QOS)
-        namesake.create_subscription(JointState, "/b", print, STREAM_QOS)
+        namesake.create_publisher(JointState, "/a", LATEST_QOS)
+        namesake.create_subscription(JointState, "/b", print, LATEST_QOS)
         graph.until(lambda: strangers(graph.probe, expected) == {"/a": ["another /one"]})
         assert unconnected([graph.probe], expected) == ["/a", "/b"]
         with another("one") as ours:
-            ours.create_publisher(JointState, "/a", STREAM_QOS)
-            ours.create_subscription(JointState, "/b", print, STREAM_QOS)
+            ours.create_publisher(JointState, "/a", LATEST_QOS)
+            ours.create_subscription(JointState, "/b", print, LATEST_QOS)
             expected = merged([expected, {PARTICIPANTS: endpoints([ours])[PARTICIPANTS]}])
             graph.until(lambda: unconnected([graph.probe], expected) == [])
             assert strangers(graph.probe, expected) == {"/a": ["another /one"]}
@@ -142,7 +142,7 @@ def test_a_namesake_is_not_taken_for_one_of_ours_that_is_not_there_yet(graph):
 @pytest.mark.parametrize("course", range(3))
 def test_the_first_message_after_a_common_start_is_recorded_and_none_before(graph, tmp_path, course):
     """Several times, because discovery takes another course every time; each has to do."""
-    publisher = graph.probe.create_publisher(JointState, "/sfj/joint_states", STREAM_QOS)
+    publisher = graph.probe.create_publisher(JointState, "/sfj/joint_states", LATEST_QOS)
     options = {"output": tmp_path / "bag", "topics": "[/sfj/joint_states]"}
     given = [part for key, value in options.items() for part in ("-p", f"{key}:={value}")]
     recorder = Child("recorder", ["--ros-args", *given], armed=True)

@@ -17,7 +17,7 @@ from haptic_teleop_control.nodes.launching.watch import Watcher
 from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.nodes.recorder import Recorder
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.robots import SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_sim.nodes.sfj_sim import SfjSim
 
@@ -212,7 +212,7 @@ def test_a_real_time_priority_that_is_refused_is_a_warning(graph, quiet, monkeyp
 def test_a_topic_with_two_publishers_is_a_warning_even_while_only_one_sends(graph):
     heard = Heard(graph, graph.start(ForceController, auto_engage=False))
     topic = "/omni/joint_states"
-    publishers = [graph.probe.create_publisher(JointState, topic, STREAM_QOS) for _ in range(2)]
+    publishers = [graph.probe.create_publisher(JointState, topic, LATEST_QOS) for _ in range(2)]
     graph.until(lambda: heard.node._robots["omni"].input.publishers == 2)
     status = report(heard)
     assert status.level == DiagnosticStatus.WARN

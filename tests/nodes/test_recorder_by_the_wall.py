@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from recorder_runs import RELIABLE, Source, finish
 
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.recording import bag_problems, read_recording
 from haptic_teleop_control.recording.recover import main as recover
 
 
 @pytest.mark.wall_time
-@pytest.mark.parametrize("qos", [STREAM_QOS, RELIABLE], ids=["best_effort", "reliable"])
+@pytest.mark.parametrize("qos", [LATEST_QOS, RELIABLE], ids=["best_effort", "reliable"])
 def test_two_seconds_at_1_khz_are_recorded_without_loss_with_the_parameters_of_the_graph(
     graph, start_recorder, tmp_path, qos, stalls
 ):
@@ -28,7 +28,7 @@ def test_two_seconds_at_1_khz_are_recorded_without_loss_with_the_parameters_of_t
     assert f"{lost} lost on the way, verified" in out, "what is lost is counted"
     assert np.all(np.diff(one.position[:, 0]) > 0)
     # Best effort loses what comes while a machine stands still; reliable loses nothing.
-    assert lost == 0 or (qos is STREAM_QOS and stalls.excuse(0.1))
+    assert lost == 0 or (qos is LATEST_QOS and stalls.excuse(0.1))
     assert recording.parameters["/probe"]["gain"] == 2.5
     assert recording.parameters["/recorder"]["experiment"] == "free motion"
     assert recording.experiment == {"kind": "free motion", "note": "a test"}

@@ -16,7 +16,7 @@ from haptic_teleop_control.nodes.launching import watch
 from haptic_teleop_control.nodes.launching.children import Child, stop_all
 from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
 from haptic_teleop_control.nodes.scenario import load_scenario, main
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import OMNI_JOINTS
 
@@ -186,7 +186,7 @@ def test_a_node_that_refuses_its_parameters_ends_the_scenario_with_2(file):
 
 
 def test_a_second_controller_in_the_same_domain_is_refused_before_anything_moves(file, graph, tmp_path):
-    graph.probe.create_publisher(JointState, "/sfj/effort_command", STREAM_QOS)
+    graph.probe.create_publisher(JointState, "/sfj/effort_command", LATEST_QOS)
     process = start("scenario", str(file), "--record", str(tmp_path / "bag"))
     graph.until(lambda: process.poll() is not None, 60.0)
     _, errors = process.communicate(timeout=60)

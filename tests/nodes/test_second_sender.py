@@ -15,7 +15,8 @@ from haptic_teleop_control.nodes.force_controller import ForceController
 from haptic_teleop_control.nodes.link import LinkEmulator
 from haptic_teleop_control.nodes.recording.recorded_topic import RecordedTopic
 from haptic_teleop_control.nodes.signal_generator import SignalGeneratorNode
-from haptic_teleop_control.nodes.streams.joint_states import STREAM_QOS, JointStateReceiver
+from haptic_teleop_control.nodes.streams.joint_states import JointStateReceiver
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_omni.nodes.omni_driver import OmniDriverNode
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
@@ -57,7 +58,7 @@ class Intruder(Source):
         graph.probe.destroy_publisher(self.publisher)
         self.node = graph._add(Node(name, context=graph.context))
         self.publisher = self.node.create_publisher(
-            JointState, topic, STREAM_QOS
+            JointState, topic, LATEST_QOS
         )
         graph.until(self.connected, what="discovery of the intruder")
 

@@ -186,7 +186,7 @@ def test_a_controller_that_does_not_answer_sends_zero_when_time_is_halted(graph,
     node = graph.start(TimeCoordinator, participants=names, real_time_factor=0.0)
     alive = lambda condition: graph.until(lambda: graph.wall.advance(0.01) or condition())  # noqa: E731
     alive(lambda: node._coordinator.ticks > 50)
-    monkeypatch.setattr(controller, "_advance", lambda repeated=False: None)
+    monkeypatch.setattr(controller._answers, "advance", lambda repeated=False: None)
     alive(lambda: node._coordinator.state == HALTED)
     assert "/force_controller owes the answer" in node._coordinator.reason
     alive(lambda: all(plant.faults.latched and controller.faults.latched for plant in plants))

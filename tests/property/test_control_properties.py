@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_teleop_control.errors import ConfigurationError
-from haptic_teleop_control.faults import command_fault
 from haptic_teleop_control.filters import VelocityFilter
 from haptic_teleop_control.laws import AugmentedErrorGains, AugmentedErrorLaw, MasterSettings, MasterSide
 from haptic_teleop_control.parameters import Parameter, ParameterTable
@@ -181,13 +180,6 @@ def test_a_ramp_gives_its_slope_for_every_start_slope_and_sampling_time(start, s
     filter_.reset(start, slope)
     for k in range(1, 30):
         assert math.isclose(filter_.step([start + slope * k * dt])[0], slope, rel_tol=1e-6, abs_tol=1e-6)
-
-
-@reproducible
-@given(st.lists(anything, max_size=4), anything, st.floats(0.0, 1.0))
-def test_a_command_without_fault_is_finite_complete_and_fresh(values, age, maximum_age):
-    if command_fault(values, age, maximum_age, size=2) is None:
-        assert len(values) == 2 and all(map(math.isfinite, values)) and age <= maximum_age
 
 
 @reproducible

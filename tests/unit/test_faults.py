@@ -1,12 +1,10 @@
-"""The fault latch, and the checks of a received command."""
+"""The fault latch."""
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
-from haptic_teleop_control.faults import COMMAND_FAULTS, FaultLatch, command_fault
+from haptic_teleop_control.faults import FaultLatch
 
 
 def test_the_first_fault_stays_latched_and_later_ones_are_only_counted():
@@ -40,25 +38,3 @@ def test_counts_cannot_be_changed_from_outside():
 def test_an_undeclared_name_is_a_mistake_of_the_program():
     with pytest.raises(KeyError):
         FaultLatch(["a"]).count("b")
-
-
-@pytest.mark.parametrize(
-    ("values", "age", "expected"),
-    [
-        ([0.1, -0.2], 0.0, None),
-        ([0.1, -0.2], 0.05, None),
-        ([0.1, -0.2], 0.0501, "stale_command"),
-        ([0.1, -0.2], math.nan, "stale_command"),
-        ([0.1, -0.2], math.inf, "stale_command"),
-        ([0.1, math.nan], 0.0, "non_finite_command"),
-        ([-math.inf, 0.0], 9.0, "non_finite_command"),
-        ([0.1], 0.0, "malformed_command"),
-        ([], 0.0, "malformed_command"),
-        ([0.1, 0.2, 0.3], 0.0, "malformed_command"),
-        (None, 0.0, "missing_command"),
-    ],
-)
-def test_a_command_is_used_only_when_present_complete_finite_and_fresh(values, age, expected):
-    assert command_fault(values, age, maximum_age=0.05, size=2) == expected
-    if expected is not None:
-        FaultLatch(COMMAND_FAULTS).count(expected)

@@ -94,7 +94,8 @@ def test_at_rest_a_torque_below_the_breakaway_torque_is_the_blind_zone():
     law = observer(standstill=1.0)
     for _ in range(300):
         law.step([0.0], [REST], [0.0], [0.10])
-    assert law.environment_torque[0] == pytest.approx(0.10 - law.settings[0].blind_zone, abs=1e-6)
+    axis = law.settings[0]
+    assert law.environment_torque[0] == pytest.approx(0.10 - (axis.coulomb + axis.stribeck), abs=1e-6)
 
 
 def test_the_torque_is_that_of_equations_27_and_29():

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_typestore
 from scenario_recordings import START, Made, scenario
 
 from haptic_teleop_control.parameter_files import load_parameter_file
 from haptic_teleop_control.recording import Recording, RecordingWriter, read_recording
-from haptic_teleop_control.recording.said import DIAGNOSTICS_TYPE, Status, encode_diagnostics
+from haptic_teleop_control.recording.said import DIAGNOSTICS_TYPE, Status
 from haptic_teleop_control.recording.texts import STRING_TYPE, encode_text
 from haptic_teleop_sim.lockstep import record_scenario
 from haptic_teleop_sim.scenario_parameters import check_scenario
@@ -44,6 +45,27 @@ def reports(node: str, *levels: int, message: str = STALE, counts: dict[int, int
         )
         for k, level in enumerate(levels)
     ]  # fmt: skip
+
+
+def encode_diagnostics(stamp: int, statuses: list[Status]) -> bytes:
+    """A serialised DiagnosticArray (CDR) of `statuses`, stamped `stamp` ns."""
+    store = get_typestore(Stores.ROS2_KILTED)
+    make = store.types.__getitem__
+    time = make("builtin_interfaces/msg/Time")(sec=stamp // 10**9, nanosec=stamp % 10**9)
+    header = make("std_msgs/msg/Header")(stamp=time, frame_id="")
+    pair, status = make("diagnostic_msgs/msg/KeyValue"), make("diagnostic_msgs/msg/DiagnosticStatus")
+    content = [
+        status(
+            level=one.level,
+            name=one.node,
+            message=one.message,
+            hardware_id="",
+            values=[pair(key=key, value=value) for key, value in one.values.items()],
+        )
+        for one in statuses
+    ]
+    message = make(DIAGNOSTICS_TYPE)(header=header, status=content)
+    return bytes(store.serialize_cdr(message, DIAGNOSTICS_TYPE))
 
 
 def bag(path, recording: Recording, diagnostics=(), states=(), reception=None) -> str:

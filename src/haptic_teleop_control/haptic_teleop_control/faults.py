@@ -6,12 +6,10 @@ latched until somebody resets it, because it is the cause and the ones after it 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 NON_FINITE_COMMAND = "non_finite_command"
 STALE_COMMAND = "stale_command"
-MISSING_COMMAND = "missing_command"
 MALFORMED_COMMAND = "malformed_command"
 FUTURE_COMMAND = "future_command"
 CONTRADICTORY_COMMAND = "contradictory_command"
@@ -24,9 +22,8 @@ SECOND_SENDER_SENTENCE = (
 
 COMMAND_FAULTS: dict[str, str] = {
     NON_FINITE_COMMAND: "a command held a value that is not a finite number; look at its publisher",
-    STALE_COMMAND: "the last command is too old; look whether its publisher still runs and keeps its rate",
-    MISSING_COMMAND: "no command has arrived yet; start the node that publishes it",
     MALFORMED_COMMAND: "a command had the wrong number of values or wrong joint names; look at its publisher",
+    STALE_COMMAND: "the last command is too old; look whether its publisher still runs and keeps its rate",
     FUTURE_COMMAND: "a command answers a state that there has not been yet; look at its publisher's stamps",
     CONTRADICTORY_COMMAND: "one state was answered twice with different values; look for a second publisher",
     SECOND_SENDER: SECOND_SENDER_SENTENCE,
@@ -93,22 +90,3 @@ class FaultLatch:
         """Unlatch; returns the name that was latched, or None."""
         released, self._latched, self._detail = self._latched, None, ""
         return released
-
-
-def command_fault(values: Sequence[float] | None, age: float, maximum_age: float, size: int) -> str | None:
-    """Which of COMMAND_FAULTS a command shows, or None when it may be used.
-
-    values: the command, None when none has arrived. age: seconds since it was received, on a clock that never
-    jumps; a NaN counts as stale. maximum_age: seconds, inclusive. size: number of values expected.
-    The order is: missing, malformed, non-finite, stale; so a NaN is reported as one even when it is old.
-    """
-    if values is None:
-        return MISSING_COMMAND
-    if len(values) != size:
-        return MALFORMED_COMMAND
-    for value in values:
-        if not math.isfinite(value):
-            return NON_FINITE_COMMAND
-    if not age <= maximum_age:
-        return STALE_COMMAND
-    return None

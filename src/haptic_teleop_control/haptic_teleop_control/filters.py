@@ -78,41 +78,6 @@ class VelocityFilter:
         self._started = True
 
 
-class LowPass:
-    """First-order low-pass, n channels: H(s) = wc / (s + wc). A cutoff of infinity passes the input through.
-
-    n: channels. dt: s. cutoff_hz: Hz, above zero, or infinite. Raises ConfigurationError for anything else.
-    """
-
-    def __init__(self, n: int, dt: float, cutoff_hz: float) -> None:
-        _check(n=n, dt=dt, cutoff_hz=1.0 if cutoff_hz == math.inf else cutoff_hz)
-        self.dt = float(dt)
-        self.cutoff_hz = float(cutoff_hz)
-        self._input = np.zeros(n)
-        self._state = np.zeros((n, 2))  # output, last input
-        self._started = False
-        self._coefficients = np.tile(low_pass_coefficients(self.dt, self.cutoff_hz), (n, 1))
-        low_pass_step(self._input, self._state.copy(), self._coefficients)
-
-    def step(self, x: ArrayLike) -> Array:
-        """Filtered signal (n,) at the sample `x` (n,); the first sample passes unless `reset` was called.
-
-        A channel that is not finite gives NaN for that sample and keeps its state.
-        Raises ValueError when `x` does not have n values.
-        """
-        self._input[:] = x
-        if not self._started:
-            self.reset(self._input)
-        return low_pass_step(self._input, self._state, self._coefficients)
-
-    def reset(self, x: ArrayLike = 0.0) -> None:
-        """Start as if the input had always been `x`."""
-        start = np.nan_to_num(np.asarray(x, dtype=np.float64))
-        self._state[:, 0] = start
-        self._state[:, 1] = start
-        self._started = True
-
-
 def _check(n: int, dt: float, cutoff_hz: float) -> None:
     if n < 1:
         raise ConfigurationError(f"filter: {n} channels; give at least one.")
@@ -222,18 +187,3 @@ def low_pass_coefficients(dt: float, cutoff_hz: float) -> Array:  # type: ignore
     a = math.exp(-step)
     mean = -math.expm1(-step) / step
     return np.array([a, mean - a, 1.0 - mean])
-
-
-@njit(cache=True)
-def low_pass_step(x: Array, state: Array, c: Array) -> Array:  # type: ignore[type-arg]
-    """One sample of the low-pass: x (n,), state (n, 2) changed in place, c (n, 3); output (n,)."""
-    y = np.empty(x.shape[0])
-    for i in range(x.shape[0]):
-        filtered = c[i, 0] * state[i, 0] + c[i, 1] * state[i, 1] + c[i, 2] * x[i]
-        if not math.isfinite(filtered):
-            y[i] = math.nan
-            continue
-        state[i, 0] = filtered
-        state[i, 1] = x[i]
-        y[i] = filtered
-    return y

@@ -6,7 +6,7 @@ line in the documentation, which therefore cannot disagree.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, field, fields
 from typing import Any
 
@@ -77,6 +77,27 @@ def from_parameters(kind: type, values: Mapping[str, Any], prefix: str = "", **o
                 value = values[name]
                 arguments[entry.name] = tuple(value) if isinstance(value, list) else value
     return kind(**arguments)
+
+
+def settings_of_each(nominal: Iterable[tuple[str, Any]], values: Mapping[str, Any]) -> list[Any]:
+    """Settings of several joints from the flat values of a node, in the order of `nominal`.
+
+    nominal: (prefix, settings) for each joint: what holds where `values` has no `prefix + name`.
+    Raises ConfigurationError naming the parameter with its prefix.
+    """
+    found = []
+    for prefix, settings in nominal:
+        stated = to_parameters(settings, prefix) | dict(values)
+        try:
+            found.append(from_parameters(type(settings), stated, prefix))
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{prefix}{error}") from error
+    return found
+
+
+def parameters_of_each(nominal: Iterable[tuple[str, Any]]) -> list[Parameter]:
+    """The parameters of several joints, one after the other; `nominal` as in `settings_of_each`."""
+    return [parameter for prefix, settings in nominal for parameter in parameters_of(settings, prefix)]
 
 
 def to_parameters(settings: Any, prefix: str = "") -> dict[str, Any]:

@@ -56,7 +56,6 @@ class StageFacts:
     should keep.
     gear_ratio: turns of the motor per turn of the output.
     drive_resolution, joint_resolution: rad at the output per count of the drive and the joint encoder.
-    joint_range: rad either side of the middle, *assumed* from the thesis' calibration over 80 degrees.
     """
 
     torque_constant: float
@@ -66,7 +65,6 @@ class StageFacts:
     gear_ratio: float
     drive_resolution: float
     joint_resolution: float
-    joint_range: float = 0.5 * math.pi
 
     @property
     def torque_limit(self) -> float:

@@ -94,11 +94,15 @@ class Loop:
 
 
 def run_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
-    """Run the scenario, filling `outputs`."""
+    """Run the scenario; fills `outputs` ("sfj", "omni") and returns what happened besides.
+
+    Compiled as a whole where the case is plain, else in Python; the numbers are equal, bit by bit.
+    """
     return compiled_loop(run, outputs) if _plain(run) else python_loop(run, outputs)
 
 
 def _plain(run: Prepared) -> bool:
+    """Whether `compiled_loop` serves the case: see the module."""
     control = run.control
     if not (run.may_compile and type(run.law) is AugmentedErrorLaw and control["auto_engage"]):
         return False
@@ -116,6 +120,11 @@ def _plain(run: Prepared) -> bool:
 
 
 def compiled_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
+    """Run a plain case in one compiled call; fills `outputs`.
+
+    Returns the counts and the states, entered at once at the first sample of the slave; no faults, energies
+    or link. Only where `run_loop` would choose it: it checks nothing.
+    """
     law, control = run.law, run.control
     slave, master = run.robots["sfj"], run.robots["omni"]
     assert isinstance(law, AugmentedErrorLaw)
@@ -159,6 +168,10 @@ class _Way:
 
 
 def python_loop(run: Prepared, outputs: Mapping[str, Outputs]) -> Loop:
+    """Run any case sample by sample with the `Coupling` that the node has; fills `outputs`.
+
+    Returns all of `Loop`; `channels` holds what was sent into the link, by topic, where there is one.
+    """
     loop = Loop()
     roles = (run.control["master"], run.control["slave"])
     now = int(run.stamps[0])

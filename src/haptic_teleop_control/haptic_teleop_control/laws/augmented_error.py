@@ -27,7 +27,12 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws.contract import Array, ForceLaw, LawResult
 from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
-from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
+from haptic_teleop_control.quantities import (
+    check_quantities,
+    parameters_of_each,
+    quantity,
+    settings_of_each,
+)
 from haptic_teleop_control.robots import SFJ_STAGES
 
 _OK = int(LawResult.OK)
@@ -175,31 +180,21 @@ class AugmentedErrorLaw(ForceLaw):
 
     @classmethod
     def parameters(cls, stages: Sequence[str]) -> list[Parameter]:
-        found = []
-        for stage in stages:
-            found += parameters_of(AugmentedErrorGains.for_stage(stage), f"{stage}.")
-        return found
+        return parameters_of_each(_nominal(stages))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], stages: Sequence[str], dt: float) -> Self:
-        return cls(_gains_from(values, stages), dt)
+        return cls(settings_of_each(_nominal(stages), values), dt)
 
     def update(self, values: Mapping[str, Any], stages: Sequence[str]) -> None:
-        new = self._checked(_gains_from(values, stages))
+        new = self._checked(settings_of_each(_nominal(stages), values))
         self._ramp.to(new)
         self.torque_constant = new[:, 6].copy()
 
 
-def _gains_from(values: Mapping[str, Any], stages: Sequence[str]) -> list[AugmentedErrorGains]:
-    gains = []
-    for stage in stages:
-        nominal = parameters_of(AugmentedErrorGains.for_stage(stage), f"{stage}.")
-        complete = {parameter.name: parameter.default for parameter in nominal} | dict(values)
-        try:
-            gains.append(from_parameters(AugmentedErrorGains, complete, f"{stage}."))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{stage}.{error}") from error
-    return gains
+def _nominal(stages: Sequence[str]) -> list[tuple[str, AugmentedErrorGains]]:
+    """(prefix of the parameters, nominal gains) of each stage."""
+    return [(f"{stage}.", AugmentedErrorGains.for_stage(stage)) for stage in stages]
 
 
 def _matrix(gains: Sequence[AugmentedErrorGains]) -> Array:

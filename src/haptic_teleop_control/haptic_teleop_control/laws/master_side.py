@@ -25,7 +25,12 @@ from haptic_teleop_control.filters import low_pass_coefficients
 from haptic_teleop_control.laws.contract import Array, LawResult
 from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
-from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
+from haptic_teleop_control.quantities import (
+    check_quantities,
+    parameters_of_each,
+    quantity,
+    settings_of_each,
+)
 from haptic_teleop_control.robots import OMNI_CONTINUOUS_TORQUE, OMNI_PEAK_TORQUE
 
 _OK = int(LawResult.OK)
@@ -135,29 +140,22 @@ class MasterSide:
     @classmethod
     def parameters(cls, prefixes: Sequence[str]) -> list[Parameter]:
         """Parameters of a node, `<prefix>.torque_gain` and so on, one group for each of `prefixes`."""
-        return [
-            parameter for prefix in prefixes for parameter in parameters_of(MasterSettings(), f"{prefix}.")
-        ]
+        return parameters_of_each(_nominal(prefixes))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], prefixes: Sequence[str], dt: float) -> MasterSide:
         """The master's side from such parameters. Raises ConfigurationError naming the parameter."""
-        return cls(_settings_from(values, prefixes), dt)
+        return cls(settings_of_each(_nominal(prefixes), values), dt)
 
     def update(self, values: Mapping[str, Any], prefixes: Sequence[str]) -> None:
         """Take changed parameters while running: the torques go over to the new settings within
         `gain_ramp.RAMP_TIME`. Raises ConfigurationError, and then has changed nothing."""
-        self._ramp.to(self._checked(_settings_from(values, prefixes)))
+        self._ramp.to(self._checked(settings_of_each(_nominal(prefixes), values)))
 
 
-def _settings_from(values: Mapping[str, Any], prefixes: Sequence[str]) -> list[MasterSettings]:
-    settings = []
-    for prefix in prefixes:
-        try:
-            settings.append(from_parameters(MasterSettings, values, f"{prefix}."))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{prefix}.{error}") from error
-    return settings
+def _nominal(prefixes: Sequence[str]) -> list[tuple[str, MasterSettings]]:
+    """(prefix of the parameters, nominal settings) of each axis."""
+    return [(f"{prefix}.", MasterSettings()) for prefix in prefixes]
 
 
 def _matrix(settings: Sequence[MasterSettings], dt: float) -> Array:

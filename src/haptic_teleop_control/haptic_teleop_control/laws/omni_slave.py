@@ -34,7 +34,12 @@ from haptic_teleop_control.filters import velocity_coefficients, velocity_step
 from haptic_teleop_control.laws.contract import Array, LawResult
 from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
-from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
+from haptic_teleop_control.quantities import (
+    check_quantities,
+    parameters_of_each,
+    quantity,
+    settings_of_each,
+)
 from haptic_teleop_control.robots import (
     OMNI_AXES,
     OMNI_PEAK_TORQUE,
@@ -95,11 +100,6 @@ class OmniSlaveSettings:
 
     def __post_init__(self) -> None:
         check_quantities(self)
-
-    @property
-    def blind_zone(self) -> float:
-        """N·m by which the estimate at rest is uncertain either way: Fc + Fcs."""
-        return self.coulomb + self.stribeck
 
     @classmethod
     def for_axis(cls, axis: str, **changes: float) -> OmniSlaveSettings:
@@ -207,29 +207,22 @@ class OmniSlaveLaw:
     @classmethod
     def parameters(cls, axes: Sequence[str]) -> list[Parameter]:
         """A node's parameters, `omni_y.slave.lambda` and so on, with the defaults of each axis."""
-        return [p for axis in axes for p in parameters_of(OmniSlaveSettings.for_axis(axis), f"{axis}.slave.")]
+        return parameters_of_each(_nominal(axes))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], axes: Sequence[str], dt: float) -> Self:
         """The law from such parameters. Raises ConfigurationError naming the parameter."""
-        return cls(_settings_from(values, axes), dt)
+        return cls(settings_of_each(_nominal(axes), values), dt)
 
     def update(self, values: Mapping[str, Any], axes: Sequence[str]) -> None:
         """Take changed parameters while running, on a line of `gain_ramp.RAMP_TIME`. Raises
         ConfigurationError, and then has changed nothing."""
-        self._ramp.to(self._checked(_settings_from(values, axes)))
+        self._ramp.to(self._checked(settings_of_each(_nominal(axes), values)))
 
 
-def _settings_from(values: Mapping[str, Any], axes: Sequence[str]) -> list[OmniSlaveSettings]:
-    found = []
-    for axis in axes:
-        nominal = parameters_of(OmniSlaveSettings.for_axis(axis), f"{axis}.slave.")
-        complete = {parameter.name: parameter.default for parameter in nominal} | dict(values)
-        try:
-            found.append(from_parameters(OmniSlaveSettings, complete, f"{axis}.slave."))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{axis}.slave.{error}") from error
-    return found
+def _nominal(axes: Sequence[str]) -> list[tuple[str, OmniSlaveSettings]]:
+    """(prefix of the parameters, nominal settings) of each axis."""
+    return [(f"{axis}.slave.", OmniSlaveSettings.for_axis(axis)) for axis in axes]
 
 
 def _matrix(settings: Sequence[OmniSlaveSettings]) -> Array:

@@ -31,7 +31,12 @@ from haptic_teleop_control.filters import low_pass_coefficients
 from haptic_teleop_control.laws.contract import Array, LawResult
 from haptic_teleop_control.laws.gain_ramp import GainRamp
 from haptic_teleop_control.parameters import Parameter
-from haptic_teleop_control.quantities import check_quantities, from_parameters, parameters_of, quantity
+from haptic_teleop_control.quantities import (
+    check_quantities,
+    parameters_of_each,
+    quantity,
+    settings_of_each,
+)
 from haptic_teleop_control.robots import SFJ_STAGES
 
 _OK = int(LawResult.OK)
@@ -179,32 +184,22 @@ class SfjMasterSide:
     @classmethod
     def parameters(cls, stages: Sequence[str]) -> list[Parameter]:
         """A node's parameters, `stage1.master.torque_gain` and so on, with the defaults of each stage."""
-        found = []
-        for stage in stages:
-            found += parameters_of(SfjMasterSettings.for_stage(stage), f"{stage}.master.")
-        return found
+        return parameters_of_each(_nominal(stages))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], stages: Sequence[str], dt: float) -> Self:
         """The master's side from such parameters. Raises ConfigurationError naming the parameter."""
-        return cls(_settings_from(values, stages), dt)
+        return cls(settings_of_each(_nominal(stages), values), dt)
 
     def update(self, values: Mapping[str, Any], stages: Sequence[str]) -> None:
         """Take changed parameters while running, on a line of `gain_ramp.RAMP_TIME`. Raises
         ConfigurationError, and then has changed nothing."""
-        self._ramp.to(self._checked(_settings_from(values, stages)))
+        self._ramp.to(self._checked(settings_of_each(_nominal(stages), values)))
 
 
-def _settings_from(values: Mapping[str, Any], stages: Sequence[str]) -> list[SfjMasterSettings]:
-    found = []
-    for stage in stages:
-        nominal = parameters_of(SfjMasterSettings.for_stage(stage), f"{stage}.master.")
-        complete = {parameter.name: parameter.default for parameter in nominal} | dict(values)
-        try:
-            found.append(from_parameters(SfjMasterSettings, complete, f"{stage}.master."))
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{stage}.master.{error}") from error
-    return found
+def _nominal(stages: Sequence[str]) -> list[tuple[str, SfjMasterSettings]]:
+    """(prefix of the parameters, nominal settings) of each stage."""
+    return [(f"{stage}.master.", SfjMasterSettings.for_stage(stage)) for stage in stages]
 
 
 def _matrix(settings: Sequence[SfjMasterSettings], dt: float) -> Array:

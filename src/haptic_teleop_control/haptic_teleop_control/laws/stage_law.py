@@ -20,7 +20,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.laws.contract import Array, ForceLaw, LawResult
 from haptic_teleop_control.laws.gain_ramp import RAMP_TIME
 from haptic_teleop_control.parameters import Parameter
-from haptic_teleop_control.quantities import from_parameters, parameters_of
+from haptic_teleop_control.quantities import parameters_of_each, settings_of_each
 
 _OK, _SATURATED = int(LawResult.OK), int(LawResult.SATURATED)
 _REFUSED_INPUT, _DISABLED = int(LawResult.REFUSED_INPUT), int(LawResult.DISABLED)
@@ -169,34 +169,23 @@ class StageLaw(ForceLaw):
 
     @classmethod
     def parameters(cls, stages: Sequence[str]) -> list[Parameter]:
-        return [
-            parameter
-            for stage in stages
-            for parameter in parameters_of(cls.SETTINGS.for_stage(stage), f"{stage}.")
-        ]
+        return parameters_of_each(cls._nominal(stages))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], stages: Sequence[str], dt: float) -> Self:
-        return cls(cls._settings_from(values, stages), dt)
+        return cls(settings_of_each(cls._nominal(stages), values), dt)
 
     def update(self, values: Mapping[str, Any], stages: Sequence[str]) -> None:
-        aims = self._settings_from(values, stages)
+        aims = settings_of_each(self._nominal(stages), values)
         self._check_number(aims)
         self._aims, self._left = tuple(aims), max(1, round(RAMP_TIME / self.dt))
         # What protects or only converts does not wait.
         self._take([_between(now, aim, 0.0) for now, aim in zip(self._settings, aims, strict=True)])
 
     @classmethod
-    def _settings_from(cls, values: Mapping[str, Any], stages: Sequence[str]) -> list[Any]:
-        found = []
-        for stage in stages:
-            nominal = parameters_of(cls.SETTINGS.for_stage(stage), f"{stage}.")
-            complete = {parameter.name: parameter.default for parameter in nominal} | dict(values)
-            try:
-                found.append(from_parameters(cls.SETTINGS, complete, f"{stage}."))
-            except ConfigurationError as error:
-                raise ConfigurationError(f"{stage}.{error}") from error
-        return found
+    def _nominal(cls, stages: Sequence[str]) -> list[tuple[str, Any]]:
+        """(prefix of the parameters, nominal settings) of each stage."""
+        return [(f"{stage}.", cls.SETTINGS.for_stage(stage)) for stage in stages]
 
 
 def _between(now: Any, aim: Any, share: float) -> Any:

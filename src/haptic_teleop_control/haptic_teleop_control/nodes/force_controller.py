@@ -23,27 +23,25 @@ from haptic_teleop_control.laws import find_law
 from haptic_teleop_control.node_tables import FORCE_CONTROLLER
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import run_node
+from haptic_teleop_control.nodes.controller.report import energy_warning, measurements
+from haptic_teleop_control.nodes.controller.ticks import TickAnswers
+from haptic_teleop_control.nodes.controller.topics import JOINTS, LinkTopics, RobotTopics
 from haptic_teleop_control.nodes.signal_generator import PATTERN, RUNNING
 from haptic_teleop_control.nodes.streams.joint_states import (
-    FIELDS,
     NON_FINITE,
     SECOND_SENDER,
     WRONG_JOINTS,
-    JointStatePublisher,
     JointStateReceiver,
 )
 from haptic_teleop_control.nodes.streams.senders import Info, with_info
 from haptic_teleop_control.nodes.timing.time_base import SIMULATED_TIME
-from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
+from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.simulated_time.messages import ANSWERER, Tick
 from haptic_teleop_control.teleoperation.coupling import Coupling
 from haptic_teleop_control.teleoperation.faults import FAULTS, MALFORMED_STATE, NON_FINITE_STATE, TIME_JUMP
 from haptic_teleop_control.teleoperation.machine import State
 from haptic_teleop_control.teleoperation.sides import REFERENCES
 from haptic_teleop_control.warning_list import DEADLINE_SHARE
-
-JOINTS = {"omni": (OMNI_JOINTS, OMNI_JOINTS), "sfj": (SFJ_JOINTS, SFJ_MOTOR_JOINTS)}
-"""Robot -> joints of its states, joints of its commands."""
 
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Several states may be entered in one cycle, and a recording shall hold all of them."""
@@ -55,52 +53,6 @@ LAST_REPEATS, LAST_SPACING = 2, 20_000_000
 are sent at once by a process that ends, and no other follows it."""
 
 ROLE_KEYS = ("master", "slave", "master_rate", "slave_rate")
-WAY_FIELDS = ("velocity", "effort")
-
-
-class _Robot:
-    """One robot's topics: its states in, its commands out. seen, answered: stamps, ns."""
-
-    def __init__(self, node: ForceController, name: str) -> None:
-        states, motors = JOINTS[name]
-        self.name = name
-        self.last_stamp = self.seen = self.answered = 0
-        self.out = JointStatePublisher(node, f"{name}/effort_command", motors, ("effort",))
-        self.effort = self.out.view["effort"]
-        self.input = JointStateReceiver(
-            node, f"{name}/joint_states", states, FIELDS,
-            partial(node.on_state, self), partial(node.on_problem, self), partial(node.follows, self),
-            silence=node.values["timeout"], listening=False,
-        )  # fmt: skip
-        value = self.input.value
-        self.views = (value["position"], value["velocity"], value["effort"])
-
-
-class _Way:
-    """One direction of the link: what we send into it, and what comes out at the other end. sent: the newest
-    stamp. packets: simulated time: stamp -> what came out, until it is delivered."""
-
-    def __init__(self, node: ForceController, name: str, backward: bool) -> None:
-        self.last_stamp = self.sent = 0
-        self.packets: dict[int, tuple[Any, Any]] = {}
-        self.backward = backward
-        self.out = JointStatePublisher(node, f"teleoperation/{name}", STAGES, WAY_FIELDS)
-        self.input = JointStateReceiver(
-            node, f"link/teleoperation/{name}", STAGES, WAY_FIELDS,
-            partial(node.on_heard, self), partial(node.on_problem, None), partial(node.follows, self),
-            silence=node.values["timeout"], listening=False,
-        )  # fmt: skip
-
-    def send(self, stamp: int, torque: Any, velocity: Any) -> None:
-        self.out.view["effort"][:] = torque
-        self.out.view["velocity"][:] = velocity
-        self.out.send(stamp)
-        self.sent = stamp
-
-    def keep(self) -> None:
-        """What has just come out waits for its moment."""
-        value = self.input.value
-        self.packets[self.input.stamp] = (value["effort"].copy(), value["velocity"].copy())
 
 
 class ForceController(HapticNode):
@@ -130,15 +82,21 @@ class ForceController(HapticNode):
         super().__init__(context, **node_options)
         self.dropped = 0
         self._warned = False
-        self._tick: Tick | None = None
-        self._mine: list[_Robot] = []  # robots whose states of this tick are answered, in order
-        self._reference_seen = 0
         self._begun = False
         self._state_out = self.create_publisher(String, "~/state", LATCHED)
         self._coupling = self._couple(self.values)
         self._timeout_ns = round(self.values["timeout"] * 1e9)
-        self._robots = {name: _Robot(self, name) for name in JOINTS}
-        self._ways = [_Way(self, "master", False), _Way(self, "slave", True)] if self.values["link"] else []
+        self._robots = {
+            name: RobotTopics(self, name, self._on_state, self._on_problem, self._follows) for name in JOINTS
+        }
+        self._ways = [
+            LinkTopics(self, name, self._on_heard, partial(self._on_problem, None), self._follows)
+            for name in (("master", "slave") if self.values["link"] else ())
+        ]
+        self._answers = TickAnswers(
+            self.time, list(self._robots.values()), self._ways,
+            lambda: self.faults.latched == SIMULATED_TIME, self._answer_state, self._deliver,
+        )  # fmt: skip
         self._reference: JointStateReceiver | None = None
         self._bind(self._coupling)
         for act in (self._engage, self._disengage, self._swap):
@@ -197,18 +155,18 @@ class ForceController(HapticNode):
             silence=self.values["timeout"], listening=self._begun,
         )  # fmt: skip
         coupling.reference = self._reference.value[field]
-        self._order_states()
+        self._answers.bind(self._master, self._slave, self._reference)
 
     # One sample.
 
-    def on_state(self, robot: _Robot) -> None:
+    def _on_state(self, robot: RobotTopics) -> None:
         if self.time.simulated:
             robot.seen = robot.input.stamp
-            self._advance()
+            self._answers.advance()
         else:
             self._answer_state(robot, robot.input.received)
 
-    def _answer_state(self, robot: _Robot, now: int) -> None:
+    def _answer_state(self, robot: RobotTopics, now: int) -> None:
         stamp, coupling = robot.input.stamp, self._coupling
         robot.answered = stamp
         if robot is self._slave:
@@ -222,15 +180,15 @@ class ForceController(HapticNode):
             if self._ways:
                 self._ways[0].send(stamp, *coupling.to_slave)
 
-    def on_heard(self, way: _Way) -> None:
+    def _on_heard(self, way: LinkTopics) -> None:
         if self.time.simulated:
             way.keep()
-            self._advance()
+            self._answers.advance()
             return
         now, value = way.input.received, way.input.value
         self._deliver(way, value["effort"], value["velocity"], now, self.time.stamp_at(now) - way.input.stamp)
 
-    def _deliver(self, way: _Way, effort: Any, velocity: Any, now: int, age: int) -> None:
+    def _deliver(self, way: LinkTopics, effort: Any, velocity: Any, now: int, age: int) -> None:
         coupling = self._coupling
         first = 2 if way.backward else 0
         coupling.heard[first], coupling.heard[first + 1] = effort, velocity
@@ -239,84 +197,21 @@ class ForceController(HapticNode):
     # Simulated time.
 
     def on_tick(self, tick: Tick, repeated: bool) -> None:
-        self._tick = tick
-        self._order_states()
-        if repeated:
-            for robot in self._robots.values():
-                if robot.answered:
-                    robot.out.resend()
-            for way in self._ways:
-                if way.sent:
-                    way.out.resend()
-        self._advance(repeated)
-
-    def _order_states(self) -> None:
-        states = () if self._tick is None else self._tick.states
-        self._mine = [robot for robot in (self._master, self._slave) if robot.input.topic in states]
-
-    def _advance(self, repeated: bool = False) -> None:
-        """Answers the states of this tick in the order of lockstep, the master first, as soon as what shall
-        be known before is there."""
-        tick = self._tick
-        if tick is None or self.faults.latched == SIMULATED_TIME:
-            return
-        news = False
-        for robot in self._mine:
-            if robot.answered == tick.stamp:
-                continue
-            lacking = robot.input.topic if robot.seen != tick.stamp else self._lacking(tick)
-            if lacking:
-                if repeated:
-                    self.time.waiting(lacking)
-                return
-            self._deliver_packets(tick)
-            self._answer_state(robot, tick.stamp)
-            news = True
-        # The plants report that they are done. We do where the link takes something of ours, and when asked.
-        if self._mine and (repeated or (news and self._ways)):
-            self.time.done({way.out.topic: way.sent for way in self._ways})
-
-    def _lacking(self, tick: Tick) -> str:
-        """The first topic on which something is missing that is to be known before answering, or ""."""
-        reference = self._reference
-        if reference is not None and tick.newest.get(reference.topic, 0) > self._reference_seen:
-            return reference.topic
-        for way in self._ways:
-            for name, sent, _ in tick.deliveries:
-                if name == way.out.topic and sent > way.last_stamp and sent not in way.packets:
-                    return way.input.topic
-        return ""
-
-    def _deliver_packets(self, tick: Tick) -> None:
-        if not self._ways:
-            return
-        ways = {way.out.topic: way for way in self._ways}
-        for name, sent, arrival in tick.deliveries:
-            way = ways.get(name)
-            if way is None or sent <= way.last_stamp:  # overtaken, or a second time
-                continue
-            way.last_stamp = sent
-            self._deliver(way, *way.packets[sent], arrival, arrival - sent)
-        for way in self._ways:
-            way.packets = {sent: packet for sent, packet in way.packets.items() if sent > way.last_stamp}
+        self._answers.on_tick(tick, repeated)
 
     def on_time_fault(self, detail: str) -> None:
         now = self.time.now()
         self._coupling.fault(now, SIMULATED_TIME, detail, True)
-        for robot in self._robots.values():
-            if robot.seen > robot.answered:
-                robot.answered = robot.seen
-                robot.out.send_zero(robot.seen)
-            robot.out.send_last_word()
+        self._answers.end()
 
     # What is told beside the states.
 
     def _on_reference(self) -> None:
         assert self._reference is not None
         if self.time.simulated:
-            stamp = self._reference_seen = self._reference.stamp
+            stamp = self._answers.reference_seen = self._reference.stamp
             self._coupling.on_reference(stamp)
-            self._advance()
+            self._answers.advance()
         else:
             self._coupling.on_reference(self.time.now())
 
@@ -326,8 +221,8 @@ class ForceController(HapticNode):
                 self._coupling.fault(self.time.now(), kind, detail)
             return
         self._coupling.on_bad_reference(self.time.now(), PROBLEMS[kind], detail)
-        self._reference_seen = max(self._reference_seen, stamp)
-        self._advance()
+        self._answers.reference_seen = max(self._answers.reference_seen, stamp)
+        self._answers.advance()
 
     def _on_diagnostics(self, message: DiagnosticArray, info: Info) -> None:
         """Who runs where a robot's states come from speaks for it; a stray of the same name does not."""
@@ -340,13 +235,13 @@ class ForceController(HapticNode):
             if pattern is not None and self._reference is not None and self._reference.shares_process(info):
                 self._coupling.pattern_runs = pattern == RUNNING
 
-    def follows(self, source: _Robot | _Way, stamp: int, received: int) -> bool:
+    def _follows(self, source: RobotTopics | LinkTopics, stamp: int, received: int) -> bool:
         """Whether a state is newer than the last; one that was overtaken on its way is dropped, and
         counted."""
         if self.time.simulated:
-            return self._is_new(source, stamp)
+            return self._answers.is_new(source, stamp)
         back = source.last_stamp - stamp
-        if 0 <= back <= self._timeout_ns or (back > 0 and isinstance(source, _Way)):
+        if 0 <= back <= self._timeout_ns or (back > 0 and isinstance(source, LinkTopics)):
             self.dropped += 1
             return False
         source.last_stamp = stamp
@@ -355,18 +250,7 @@ class ForceController(HapticNode):
             self._coupling.fault(received, TIME_JUMP, f"{name}, by {back * 1e-9:.3f} s", True)
         return True
 
-    def _is_new(self, source: _Robot | _Way, stamp: int) -> bool:
-        """In simulated time a state comes a second time when its answer was lost."""
-        if isinstance(source, _Way):
-            return stamp > source.last_stamp
-        if stamp > source.last_stamp:
-            source.last_stamp = stamp
-            return True
-        if stamp == source.answered:
-            source.out.resend()
-        return False
-
-    def on_problem(self, robot: _Robot | None, kind: str, detail: str, stamp: int) -> None:
+    def _on_problem(self, robot: RobotTopics | None, kind: str, detail: str, stamp: int) -> None:
         if kind == SECOND_SENDER:  # the sample at hand is good, and is answered: with zero, or what fades
             self._coupling.fault(self.time.now(), kind, detail)
             return
@@ -376,7 +260,7 @@ class ForceController(HapticNode):
             robot.seen = robot.answered = robot.last_stamp = stamp
             robot.out.send_zero(stamp)
             if self.time.simulated:
-                self._advance(True)
+                self._answers.advance(True)
 
     # What the operator does.
 
@@ -437,39 +321,15 @@ class ForceController(HapticNode):
             return coupling.state.value
         return f"{coupling.state.value}: {coupling.obstacle(self.time.now()) or 'aligned'}"
 
-    def _warn_of_energy(self) -> None:
-        """Once for each coupling: a port gave away more than the operator wants to bear."""
-        energies, allowed = self._coupling.energies, -self._coupling.passivity.epsilon
-        lowest = {"the master's port": energies.lowest_master, "the link": energies.lowest_link}
-        active = [name for name, values in lowest.items() if values.min() < allowed]
-        sentence = (
-            f"{' and '.join(active)} gave away more than {-allowed:g} J: hold the master firmly, lower the "
-            "feedback gain, or set passivity.controller"
-        )
-        if active and not self._warned:
-            self.get_logger().warning(sentence)
-        self.warnings.state("energy", sentence if active else "")
-        self._warned = bool(active)
-
     def measurements(self) -> dict[str, Any]:
-        self._warn_of_energy()
-        coupling, energies = self._coupling, self._coupling.energies
+        coupling, warning = self._coupling, energy_warning(self._coupling)
+        if warning and not self._warned:  # once for each coupling
+            self.get_logger().warning(warning)
+        self._warned = bool(warning)
+        self.warnings.state("energy", warning)
         failed = ", ".join(coupling.robot_faults)
         self.warnings.state("robots", f"in a fault of its own: {failed}" if failed else "")
-        values = {
-            "roles": f"master {coupling.roles[0]}, slave {coupling.roles[1]}",
-            "saturated samples": coupling.saturations,
-            "late or repeated samples dropped": self.dropped,
-        }
-        for i, stage in enumerate(STAGES):
-            values[f"{stage} energy of the master's port (J)"] = f"{energies.master[i]:.5f}"
-            values[f"{stage} energy of the slave's port (J)"] = f"{energies.slave[i]:.5f}"
-            values[f"{stage} lowest energy of the master's port (J)"] = f"{energies.lowest_master[i]:.5f}"
-            if coupling.linked:
-                values[f"{stage} lowest energy of the link (J)"] = f"{energies.lowest_link[i]:.5f}"
-        if coupling.linked:
-            values["round trip (ms)"] = f"{1e3 * coupling.round_trip:.2f}"
-        return values
+        return measurements(coupling, self.dropped)
 
     def shutdown_safely(self) -> None:
         if not self.time.simulated:  # there a robot moves by an answer only, and every state has had its own

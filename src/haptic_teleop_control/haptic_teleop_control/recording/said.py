@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,27 +57,6 @@ def diagnostics_in(messages: Sequence[tuple[int, bytes]]) -> tuple[list[Status],
         for one in message.status
     ]
     return found, bad
-
-
-def encode_diagnostics(stamp: int, statuses: Sequence[Status]) -> bytes:
-    """A serialised DiagnosticArray (CDR) of `statuses`, stamped `stamp` ns."""
-    store = get_typestore(Stores.ROS2_KILTED)
-    make: Callable[[str], Any] = store.types.__getitem__
-    time = make("builtin_interfaces/msg/Time")(sec=stamp // 10**9, nanosec=stamp % 10**9)
-    header = make("std_msgs/msg/Header")(stamp=time, frame_id="")
-    pair, status = make("diagnostic_msgs/msg/KeyValue"), make("diagnostic_msgs/msg/DiagnosticStatus")
-    content = [
-        status(
-            level=one.level,
-            name=one.node,
-            message=one.message,
-            hardware_id="",
-            values=[pair(key=key, value=value) for key, value in one.values.items()],
-        )
-        for one in statuses
-    ]
-    message = make(DIAGNOSTICS_TYPE)(header=header, status=content)
-    return bytes(store.serialize_cdr(message, DIAGNOSTICS_TYPE))
 
 
 def _decoded(messages: Sequence[tuple[int, bytes]], kind: str) -> tuple[list[tuple[int, Any]], int]:

@@ -52,13 +52,10 @@ class SignalGenerator:
         cls, mapping: Mapping[str, Any], stages: Sequence[str] = STAGES, source: str = "parameters"
     ) -> Self:
         """The generator that flat parameters describe, `kind` and `rate` included; errors as
-        `settings_from`."""
+        `signals.settings_from`."""
         settings = table.settings_from(mapping, stages, source)
         values = table.signal_table(stages=stages).defaults() | dict(mapping)
         return cls(settings, values["kind"], values["rate"])
-
-    settings_from = staticmethod(table.settings_from)
-    parameter_table = staticmethod(table.signal_table)
 
     def to_parameters(self) -> dict[str, Any]:
         """Flat parameters that give this generator again."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Iterable
 
+from haptic_teleop_control.simulated_time.kept import Kept, longest_lead
 from haptic_teleop_control.simulated_time.messages import (
     ANSWERER,
     BEGUN,
@@ -46,14 +47,6 @@ other, and waiting does not help."""
 RECORDER_LIVENESS = 15.0
 """s of silence that a recorder is granted at least: a busy disk may hold it for seconds, and it then loses
 nothing."""
-NEVER = 1 << 62
-"""ns, later than any stamp."""
-LEAD = 1.0
-"""s that time may be ahead of what a recorder has kept, at most."""
-UNKEPT = 300
-"""Samples on their way to a recorder, at most: the middleware's shared memory holds some 500 messages between
-two processes. What is beyond that gets lost, and is repaired seconds later (measured: simulated time under
-load ran at 0.7 times real time, and at 2.4 times with this limit)."""
 
 
 class Coordinator:
@@ -93,9 +86,8 @@ class Coordinator:
         self._owing: set[str] = set()  # names that have not done what the tick asked
         self._sent: dict[str, int] = {}  # way -> newest stamp sent into the link, taken out of it
         self._taken: dict[str, int] = {}
-        self._kept: dict[str, dict[str, int]] = {}  # recorder -> topic -> newest stamp
+        self._kept = Kept()
         self._lead = 0  # ns
-        self._kept_by_all = 0  # stamp up to which there is nothing to look for
         self._waits_for: dict[str, str] = {}  # name -> what it says it waits for
         self._heard: dict[str, float] = {}
         self._refused: dict[str, str] = {}
@@ -185,7 +177,7 @@ class Coordinator:
         self._heard[name] = self._lived
         member = self.members[name]
         if report.act == "recorded":
-            self._kept[name] = dict(report.stamps)
+            self._kept.take(name, report.stamps)
         elif report.act == "taken" and member.kind == LINK:
             for way, stamp in report.stamps.items():
                 if way in member.topics and stamp > self._taken.get(way, 0):
@@ -243,7 +235,7 @@ class Coordinator:
             if not self.armed or self._missing():
                 return []
             self._schedule = Schedule(self.members.values(), self._duration)
-            self._lead = round(1e9 * min(LEAD, UNKEPT / max(UNKEPT, self._schedule.samples_per_second)))
+            self._lead = longest_lead(self._schedule.samples_per_second)
             self.state = PAUSED if self._paused else RUNNING
             if self._schedule.next_stamp is None:
                 self._halt("nobody takes part who publishes anything; put a plant among the nodes")
@@ -255,7 +247,7 @@ class Coordinator:
             return []
         following = self._schedule.next_stamp
         limit = ORIGIN - 1 if following is None else following - self._lead
-        late = self._late_recorders(limit, all_of_it=following is None)
+        late = self._kept.late(self.members.values(), self._published, limit, all_of_it=following is None)
         if late:
             return self._await_recorders(late)
         self._late_since = None
@@ -338,28 +330,13 @@ class Coordinator:
     def _states(self) -> tuple[str, ...]:
         return self._tick.states if self._tick is not None else ()
 
-    def _late_recorders(self, limit: int, all_of_it: bool) -> list[str]:
-        """Who has not kept what was published up to `limit`, or all of it."""
-        if limit <= self._kept_by_all and not all_of_it:
-            return []
+    def _published(self) -> dict[str, int]:
+        """Topic -> newest stamp on it, ns: of states, of the commands that answer them, of the link's."""
         published = self._schedule.last_stamps()
         for member in self.members.values():
             if member.kind == PLANT and member.topic in published and member.topic in self._schedule.answered:
                 published[member.commands] = published[member.topic]
-        published |= self._sent  # what goes into the link
-        late: list[str] = []
-        lowest = NEVER
-        for name, member in self.members.items():
-            if member.kind != RECORDER:
-                continue
-            kept = self._kept.get(name, {})
-            topics = [topic for topic in member.topics if topic in published]
-            both = [(kept.get(topic, ORIGIN - 1), published[topic]) for topic in topics]
-            if any(stamp < (newest if all_of_it else min(newest, limit)) for stamp, newest in both):
-                late.append(name)
-            lowest = min(lowest, min((stamp for stamp, _ in both), default=limit))
-        self._kept_by_all = lowest
-        return late
+        return published | self._sent
 
     def _await_recorders(self, late: list[str]) -> list[Tick | Status]:
         """They answer a status with what they have kept."""
@@ -367,7 +344,7 @@ class Coordinator:
         if self._late_since is None:
             self._late_since = self._lived
         if self._lived - self._late_since > STUCK * patience:
-            kept = {name: self._kept.get(name, {}) for name in late}
+            kept = self._kept.of(late)
             self._halt(f"what was published up to {seconds(self.stamp):.4f} s is not recorded: {kept}")
             return []
         for name in late:
@@ -394,7 +371,7 @@ class Coordinator:
         if self._senders.get(member.name) != sender:
             self._hearing.discard(member.name)
         self.members[member.name], self._senders[member.name] = member, sender
-        self._kept_by_all = 0
+        self._kept.look_again()
         self._heard[member.name] = self._lived
 
     def _refusal(self, member: Member, sender: str, run: str) -> str:

@@ -18,10 +18,18 @@ from haptic_teleop_control.quantities import from_parameters
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS, STAGES
 from haptic_teleop_control.teleoperation.faults import NON_FINITE_STATE, ROBOT_FAULT, SLOW_LINK
 from haptic_teleop_control.teleoperation.machine import State, TeleoperationMachine
+from haptic_teleop_control.teleoperation.obstacles import (
+    PATTERN_RUNS,
+    in_faults,
+    moving,
+    not_heard,
+    not_neutral,
+    other_command,
+    slow_link,
+)
 from haptic_teleop_control.teleoperation.passivity import PassivitySettings, PortEnergies
 from haptic_teleop_control.teleoperation.settings import longest_round_trip
 from haptic_teleop_control.teleoperation.sides import (
-    REFERENCES,
     MasterPort,
     OmniMaster,
     OmniSlave,
@@ -35,8 +43,6 @@ Array = NDArray[np.float64]
 
 JOINTS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_JOINTS)}
 MOTORS = {"omni": len(OMNI_JOINTS), "sfj": len(SFJ_MOTOR_JOINTS)}
-
-PATTERN_RUNS = "a pattern runs, and the robot would move at once: stop it first: haptic-teleop operate stop"
 
 
 class Coupling:
@@ -248,59 +254,27 @@ class Coupling:
         """See Streams.round_trip."""
         return self.streams.round_trip
 
-    def _other_command(self) -> str:
-        """What to command this master with."""
-        joints, field = REFERENCES[self.roles[0]]
-        return (
-            f"the {self.roles[0]} as master takes the {field} of {' and '.join(joints)}: start a signal "
-            f"generator with `kind: {field}`, or set `command_source: device` and let a hand lead"
-        )
-
     def obstacle(self, now: int) -> str | None:
         """Why the two sides cannot be coupled now, in words; None when they can."""
         missing = self.streams.missing(now)
         if missing is not None:
-            if missing.refused:
-                told = f"{missing.name} cannot be used: {missing.refused}"
-                return f"{told}; {self._other_command()}" if missing is self.streams.reference else told
-            if missing.at is None:
-                return f"waiting for {missing.name}"
-            return f"{missing.name} is silent for {missing.silence(now):.3f} s"
+            told = not_heard(missing, now)
+            bad_command = missing is self.streams.reference and missing.refused
+            return f"{told}; {other_command(self.roles[0])}" if bad_command else told
         if self.robot_faults:
-            told = " and ".join(f"{node} is in a fault ({why})" for node, why in self.robot_faults.items())
-            reset = "haptic-teleop operate reset --controller"
-            resets = " and ".join(f"`{reset} {node}`" for node in self.robot_faults)
-            return f"{told}; see to that, then {resets}"
+            return in_faults(self.robot_faults)
         if self.from_reference and self.pattern_runs and not self.machine.by_itself:
             return PATTERN_RUNS
-        where = self._offset()
-        worst = int(np.argmax(np.abs(where)))
-        if not abs(where[worst]) <= self._align_angle:
-            return (
-                f"{self._commander} of {STAGES[worst]} is {where[worst]:+.3f} rad from neutral, more than "
-                f"{self._align_angle:.3f} rad"
-            )
-        speed = self.slave_port.velocity(self.slave[1])
-        fastest = int(np.argmax(np.abs(speed)))
-        if not abs(speed[fastest]) <= self._align_speed:
-            return (
-                f"the slave of {STAGES[fastest]} moves with {speed[fastest]:+.2f} rad/s, more than "
-                f"{self._align_speed:.2f} rad/s"
-            )
-        if self.round_trip > self._longest_round_trip:
-            return (
-                f"the link's round trip takes {1e3 * self.round_trip:.1f} ms, more than "
-                f"{1e3 * self._longest_round_trip:.1f} ms"
-            )
-        return None
-
-    @property
-    def _commander(self) -> str:
-        return "the artificial command" if self.from_reference else "the master"
-
-    def _offset(self) -> Array:
         port = self.master_port
-        return port.offset_of(self.reference) if self.from_reference else port.offset(self.master[0])
+        if self.from_reference:
+            offset, commander = port.offset_of(self.reference), "the artificial command"
+        else:
+            offset, commander = port.offset(self.master[0]), "the master"
+        return (
+            not_neutral(offset, self._align_angle, commander)
+            or moving(self.slave_port.velocity(self.slave[1]), self._align_speed)
+            or slow_link(self.round_trip, self._longest_round_trip)
+        )
 
     # Within a sample.
 

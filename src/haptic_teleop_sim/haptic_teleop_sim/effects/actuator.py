@@ -5,6 +5,10 @@ serves a whole recording and a plant that is stepped sample by sample.  What act
 its mean.  How it was spread within the sample moves the motor a little further or less far at the same final
 speed; a delay and a lag therefore also keep the moment of what acted, the integral over the sample of
 (torque - mean) times the time that is left, N·m·s², as the last number of their memory.
+
+A step is ``step(torque, time, dt, p, k, z, o)``: it takes the torque so far, N·m, the time of the sample and
+its length dt > 0, s, the effect's parameters p[k], p[k + 1], ... and its memory z[o], z[o + 1], ..., which is
+zero at first and changed in place.  It returns the torque that acts, the mean over the sample, N·m.
 """
 
 from __future__ import annotations
@@ -25,27 +29,35 @@ DELAY_MEMORY = 256
 
 @njit(cache=True)
 def gain_step(torque, time, dt, p, k, z, o):
+    """Acting torque, N*m: gain * torque."""
     return p[k] * torque
 
 
 @njit(cache=True)
 def gain_drift_step(torque, time, dt, p, k, z, o):
+    """Acting torque, N*m: torque * (1 + change * (1 - exp(-time / time_constant)))."""
     return torque * (1.0 + p[k] * (1.0 - math.exp(-time / p[k + 1])))
 
 
 @njit(cache=True)
 def saturation_step(torque, time, dt, p, k, z, o):
+    """Acting torque, N*m: the torque, held between -limit and limit."""
     return min(max(torque, -p[k]), p[k])
 
 
 @njit(cache=True)
 def dead_zone_step(torque, time, dt, p, k, z, o):
+    """Acting torque, N*m: sign(torque) * max(|torque| - width, 0)."""
     return max(torque - p[k], 0.0) + min(torque + p[k], 0.0)
 
 
 @njit(cache=True)
 def lag_step(torque, time, dt, p, k, z, o):
-    # Exact first-order response to a held input; what acts is its mean over the sample.
+    """Acting torque, N*m: mean over the sample of y, where time_constant * y' = torque - y, solved exactly.
+
+    Memory: y at the end of the sample, N*m, and the moment of what acted, N*m*s^2. A time constant below
+    1e-9 s passes the torque through.
+    """
     tau = p[k]
     if tau < 1e-9:
         z[o + 1] = 0.0
@@ -59,8 +71,12 @@ def lag_step(torque, time, dt, p, k, z, o):
 
 @njit(cache=True)
 def delay_step(torque, time, dt, p, k, z, o):
-    # z[o] counts the samples, the rest is a ring of past torques.  A delay of d samples and a fraction f
-    # means that within this sample the older value acts for the time f: the mean is the linear interpolation.
+    """Acting torque, N*m: mean over the sample of torque(t - delay), zero before the first sample.
+
+    With a delay of d whole samples and a fraction f of one, sample n gives
+    (1 - f) * torque[n - d] + f * torque[n - d - 1]. Delays beyond the memory count as its length.
+    Memory: how many samples there were, a ring of past torques, N*m, and the moment of what acted, N*m*s^2.
+    """
     size = DELAY_MEMORY - 1
     n = int(z[o])
     z[o + 1 + n % size] = torque

@@ -19,7 +19,6 @@ from haptic_teleop_control.faults import (
     FUTURE_COMMAND,
     MALFORMED_COMMAND,
     NON_FINITE_COMMAND,
-    SECOND_SENDER,
     STALE_COMMAND,
 )
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
@@ -52,13 +51,7 @@ class CommandedNode(HapticNode):
 
     JOINTS: ClassVar[Sequence[str]]
     COMMAND_JOINTS: ClassVar[Sequence[str]]
-    FAULTS: ClassVar = {
-        name: COMMAND_FAULTS[name]
-        for name in (
-            NON_FINITE_COMMAND, MALFORMED_COMMAND, STALE_COMMAND, FUTURE_COMMAND, CONTRADICTORY_COMMAND,
-            SECOND_SENDER,
-        )
-    }
+    FAULTS: ClassVar = COMMAND_FAULTS
 
     def __init__(self, context: Context | None = None, **node_options: Any) -> None:
         super().__init__(context, **node_options)

@@ -20,13 +20,11 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.nodes.streams.senders import PROCESS, process_of, publishers, with_info
-from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, TimeBase, WallTime
+from haptic_teleop_control.nodes.timing.time_base import TimeBase, WallTime
 from haptic_teleop_control.recording.cdr_layout import STAMP
 from haptic_teleop_control.recording.cdr_template import PUT_STAMP, Template, zeros
 from haptic_teleop_control.senders import SenderGuard
 from haptic_teleop_control.simulated_time.stamps import LAST_WORD
-
-STREAM_QOS = LATEST_QOS
 
 FIELDS = ("position", "velocity", "effort")
 NANOSECONDS = 1_000_000_000
@@ -39,7 +37,6 @@ NON_FINITE, WRONG_JOINTS, SECOND_SENDER = "non_finite", "joints", "second_sender
 """What may be wrong with a stream: kinds for `on_problem`."""
 
 _WALL = WallTime()
-stamp_now, stamp_at = _WALL.stamp, _WALL.stamp_at
 
 
 def time_base(node: Node) -> TimeBase:
