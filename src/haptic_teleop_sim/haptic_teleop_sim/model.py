@@ -232,7 +232,7 @@ def model_from_mapping(content: object, source: str = "the model") -> Model:
         raise ModelError(f"{source}: 'parameters' must map names to numbers")
     return Model(
         robot=str(content["robot"]),
-        joint=str(content["joint"]),
+        joint="" if content["joint"] is None else str(content["joint"]),
         structure=str(content["structure"]),
         parameters=dict(content["parameters"]),
         fixed=tuple(str(f) for f in fixed),
@@ -277,6 +277,11 @@ def _check(model: Model) -> None:
         raise ModelError(
             f"{source}: joint is {model.joint!r}; robot {model.robot} has {', '.join(JOINTS[model.robot])}"
         )
+    if model.joint.strip(". ") == "" or any(c in "/\\" or not c.isprintable() for c in model.joint):
+        raise ModelError(
+            f"{source}: joint is {model.joint!r}; give a name that is no path, because results lie in a "
+            "directory of that name"
+        )
     if model.structure not in STRUCTURES:
         raise ModelError(f"{source}: structure is {model.structure!r}; give {' or '.join(STRUCTURES)}")
     names = STRUCTURES[model.structure]
@@ -296,6 +301,12 @@ def _check(model: Model) -> None:
             raise ModelError(f"{source}: {effect.effect} at {effect.location} stands there twice; keep one")
         seen.add((effect.effect, effect.location))
     signals = sorted(other_signals(model))
+    if signals and (model.robot == "generic" or model.joint not in ("stage1", "stage2")):
+        follows = next(e.effect for e in model.effects if e.entry.exogenous or e.table is not None)
+        raise ModelError(
+            f"{source}: {follows} follows another joint, which only the stages of the 2DSFJ have; give "
+            "a quantity of this joint"
+        )
     if len(signals) > 1:
         raise ModelError(
             f"{source}: its effects ask for {' and '.join(signals)}; a joint can follow one signal of another"
@@ -329,12 +340,6 @@ def _check_table(model: Model, effect: Effect) -> None:
     bent = [v for v in table.variables if v.startswith("deflection")]
     if model.rigid and bent:
         raise ModelError(f"{source}: {effect.effect} depends on {bent[0]}, which a rigid_body does not have")
-    alone = model.robot == "generic" or model.joint not in ("stage1", "stage2")
-    if alone and any(v.startswith("other_") for v in table.variables):
-        raise ModelError(
-            f"{source}: {effect.effect} follows another joint, which only the stages of the 2DSFJ have; give "
-            "a quantity of this joint"
-        )
 
 
 def _check_effect(model: Model, effect: Effect) -> None:

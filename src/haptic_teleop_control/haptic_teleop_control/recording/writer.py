@@ -4,6 +4,7 @@ writer."""
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -75,7 +76,7 @@ class RecordingWriter:
             if key not in KEYS:
                 raise ValueError(f"{key} is none of {KEYS}")
             if value is not None:
-                self._custom[f"{SELF_DESCRIPTION}.{key}"] = json.dumps(value, default=str)
+                self._custom[f"{SELF_DESCRIPTION}.{key}"] = _json(value)
         if any(value is not None for value in content.values()):
             with self._refusals():
                 self._file.add_metadata(SELF_DESCRIPTION, self._custom)
@@ -241,6 +242,22 @@ def write_recording(
                 writer.write(topic, STRING_TYPE, received, encode_text(text))
         writer.write_series(topics)
     return writer.path
+
+
+def _json(value: Mapping[str, Any]) -> str:
+    """The object as JSON that any reader takes: no limit and no number is `.inf` and `.nan`, in quotes, as in
+    ROS parameters, because JSON has neither."""
+
+    def plain(part: object) -> object:
+        if isinstance(part, Mapping):
+            return {str(key): plain(one) for key, one in part.items()}
+        if isinstance(part, (list, tuple)):
+            return [plain(one) for one in part]
+        if isinstance(part, float) and not math.isfinite(part):
+            return ".nan" if math.isnan(part) else ".inf" if part > 0.0 else "-.inf"
+        return part
+
+    return json.dumps(plain(value), default=str, allow_nan=False)
 
 
 def _make_directory(path: Path, numbered: bool) -> Path:
