@@ -101,7 +101,14 @@ def test_the_bag_describes_itself_and_its_lead_in_is_found(tmp_path, repository)
     assert set(recording.topics) == {"/sfj/joint_states", "/sfj/effort_command", "/reference"}
     states = recording.topic("/sfj/joint_states")
     assert np.ptp(states.signal("stage1_motor", "position")) > 0.01
-    assert not np.any(recording.topic("/sfj/effort_command").signal("stage2_motor", "effort"))
+    command = recording.topic("/sfj/effort_command")
+    assert not np.any(command.signal("stage2_motor", "effort"))
+    # The signal is a current; on the topic it is the torque at the joint, as everywhere.
+    reference = recording.topic("/reference")
+    assert reference.names == ("stage1_motor",) and reference.position is None
+    np.testing.assert_allclose(
+        reference.signal("stage1_motor", "effort"), command.signal("stage1_motor", "effort")
+    )
     model = sfj_stage_model("stage1")
     dataset = load_dataset(recording, model, "bag")
     assert closed_loop(dataset) is False

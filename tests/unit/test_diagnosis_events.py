@@ -15,6 +15,7 @@ from haptic_teleop_sim.model import Effect
 from haptic_teleop_sim.sfj_robot import SfjSettings, stage_hardware
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, momentary, rather_event, slipped
 from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.evidence import null_records
 from haptic_teleop_sysid.diagnosis.evidence.events import _lines, bursts, moment, steady_line
 from haptic_teleop_sysid.diagnosis.evidence.null_records import heavy_tailed
 from haptic_teleop_sysid.diagnosis.evidence.whiteness import heaviness
@@ -129,6 +130,17 @@ def test_a_coarse_encoder_whose_axis_is_slow_is_not_now_and_then_disturbed():
         fits.append((fit_from_scratch(STAGE, [coarse]), [coarse]))
     assert max(heaviness(fits).values()) > 1.0, "sums are heavy"
     assert heavy_tailed(fits) is None, "as those of simulated recordings are"
+
+
+@pytest.mark.parametrize(("largest", "told"), [(6.9, None), (0.6, 1)])
+def test_one_simulated_recording_in_which_sums_are_small_is_no_proof(monkeypatch, quiet, largest, told):
+    """An arm that rests for a second on an edge of its encoder's step errs otherwise than in its middle: sums
+    of one simulated recording were a third of the next one's, and a clean recording was an alarm."""
+    simulated = iter([0.4, 0.4, largest, *([0.4] * 20)])
+    monkeypatch.setattr(
+        null_records, "heaviness", lambda fits: {(1, 32): 1.5 if fits is quiet else next(simulated)}
+    )
+    assert heavy_tailed(quiet) == told
 
 
 def test_what_happens_where_the_motor_is_far_out_says_so():

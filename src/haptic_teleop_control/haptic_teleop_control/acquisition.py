@@ -83,7 +83,7 @@ class Acquisition:
     """One experiment. `step` answers each state of `robot` with the effort of all its motors.
 
     phase: waiting (in the delay), running, finished or aborted; sentence: why it was aborted. reference:
-    the last value of the signal, `unit`. warnings: what the amplitude guard had to say. Raises
+    the last value of the signal, `unit`; driven: the joint that it drives. warnings: what the amplitude guard had to say. Raises
     ConfigurationError for settings that contradict each other, and for a current that nobody should try.
     """
 
@@ -105,8 +105,8 @@ class Acquisition:
         )
         self.joints = SFJ_JOINTS if self.robot == "sfj" else OMNI_JOINTS
         self.motors = SFJ_MOTOR_JOINTS if self.robot == "sfj" else OMNI_JOINTS
-        own = f"{self.joint}_motor" if self.robot == "sfj" else self.joint
-        self._motor, self._out = self.joints.index(own), self.motors.index(own)
+        self.driven = f"{self.joint}_motor" if self.robot == "sfj" else self.joint
+        self._motor, self._out = self.joints.index(self.driven), self.motors.index(self.driven)
         self._constant = SFJ_STAGES[self.joint].torque_constant if self.robot == "sfj" else 1.0
         self._largest = SFJ_STAGES[self.joint].current_limit if self.robot == "sfj" else OMNI_PEAK_TORQUE
         self.warnings = self._guard(source)
@@ -128,6 +128,11 @@ class Acquisition:
     def unit(self) -> str:
         """Of the signal."""
         return "rad" if self.closed else ("A" if self.robot == "sfj" else "N·m")
+
+    @property
+    def published(self) -> float:
+        """The last value of the signal as `/reference` has it: rad of a position, N·m of an effort."""
+        return self.reference if self.closed else self._constant * self.reference
 
     @property
     def end(self) -> float:

@@ -56,7 +56,7 @@ class AcquisitionNode(HapticNode):
         self._last = 0
         self._out = JointStatePublisher(self, f"{robot}/effort_command", experiment.motors, ("effort",))
         field = "position" if experiment.closed else "effort"
-        self._reference = JointStatePublisher(self, "reference", (experiment.joint,), (field,))
+        self._reference = JointStatePublisher(self, "reference", (experiment.driven,), (field,))
         self._signal = self._reference.view[field]
         self._effort = self._out.view["effort"]
         fields = ("position", "velocity")
@@ -105,7 +105,7 @@ class AcquisitionNode(HapticNode):
         time = (stamp - self._first) * 1e-9
         self._effort[:] = experiment.step(time, value["position"], value["velocity"])
         self._out.send(stamp)
-        self._signal[0] = experiment.reference
+        self._signal[0] = experiment.published
         self._reference.send(stamp)
         if experiment.phase == ABORTED and not ended:
             self.fault("limit", experiment.sentence)

@@ -75,7 +75,7 @@ def run_lockstep(
     def answer(time: float, position: np.ndarray, velocity: np.ndarray, effort: np.ndarray) -> np.ndarray:
         told = round(time * 1e9) * 1e-9  # the node knows its time from stamps, which are whole nanoseconds
         command = experiment.step(told, position, velocity).copy()
-        signal.append(experiment.reference)
+        signal.append(experiment.published)
         return command
 
     aborted: list[float] = []
@@ -90,7 +90,7 @@ def run_lockstep(
     column = np.array(signal)[:, None]
     position, effort = (column, None) if experiment.closed else (None, column)
     topics["/reference"] = JointStateSeries(
-        states.stamp, states.received, (experiment.joint,), position, None, effort
+        states.stamp, states.received, (experiment.driven,), position, None, effort
     )
     recorded = {"/acquisition": experiment.values, f"/{experiment.robot}/{node}": values}
     return topics, recorded
