@@ -83,8 +83,9 @@ class Acquisition:
     """One experiment. `step` answers each state of `robot` with the effort of all its motors.
 
     phase: waiting (in the delay), running, finished or aborted; sentence: why it was aborted. reference:
-    the last value of the signal, `unit`; driven: the joint that it drives. warnings: what the amplitude guard had to say. Raises
-    ConfigurationError for settings that contradict each other, and for a current that nobody should try.
+    the last value of the signal, `unit`; driven: the joint that it drives. warnings: what the amplitude
+    guard had to say. Raises ConfigurationError for settings that contradict each other, and for a current
+    that nobody should try.
     """
 
     def __init__(self, values: Mapping[str, Any], source: str = "parameters") -> None:

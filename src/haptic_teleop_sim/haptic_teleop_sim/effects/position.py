@@ -150,7 +150,7 @@ CONSTANT_TORQUE = EffectEntry(
     parameters=(
         EffectParameter("torque", "N*m", "torque in the positive direction", typical=0.1, scale="torque"),
     ),
-    sentence="a constant torque acts, in one direction (at a motor the same as an offset of the recorded input)",
+    sentence="a constant torque acts, in one direction (at a motor like an offset of the recorded input)",
     equation=lambda s, p: p.torque,
     condition="always",
     practical=noticeable("torque"),
