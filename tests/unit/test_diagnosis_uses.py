@@ -136,6 +136,9 @@ def test_a_stretch_of_another_recording_is_one_that_repeats_it(first, last):
     refuse_copies(begin)
     with pytest.raises(RecordingError, match="once more"):
         refuse_copies([begin[0], replace(begin[0], input=np.append(begin[0].input[:-1], 1.0))])
+    # And so is a second of rest that two simulations with one seed begin by.
+    wander = np.cumsum(1e-5 * np.random.default_rng(1).standard_normal(len(whole)))
+    refuse_copies([replace(still, motor_position=wander + k * after) for k in (1.0, -2.0)])
 
 
 def test_an_input_of_one_value_is_refused_and_steps_of_several_are_not():

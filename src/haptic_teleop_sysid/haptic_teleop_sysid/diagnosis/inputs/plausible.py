@@ -39,6 +39,9 @@ _ALL_OF_IT, _NEARLY_ALL_OF_IT = 0.9999, 0.999
 #: Samples of one recording that are sought in another, how often, and different angles in them from which the
 #: joint moves: readings at rest are alike in any two recordings.
 _PROBE, _PROBES, _MOVES = 200, 20, 20
+#: Share of a recording's travel that the stretch around them must have: two simulations with one seed are
+#: alike as long as they rest.
+_TRAVELS = 0.02
 #: Change of their slope, as a share of their travel, below which angles are a straight line.
 _STRAIGHT = 1e-6
 
@@ -136,18 +139,30 @@ def _shared(one: DataSet, other: DataSet) -> bool:
     short, long = sorted((one, other), key=len)
     angles = np.ascontiguousarray(long.motor_position)
     whole, size = angles.tobytes(), angles.itemsize
+    least = _TRAVELS * float(np.nanmax(short.motor_position) - np.nanmin(short.motor_position))
     for start in np.linspace(0, len(short) - _PROBE, _PROBES).astype(int).tolist():
-        probe = slice(start, start + _PROBE)
-        angle = np.ascontiguousarray(short.motor_position[probe])
+        angle = np.ascontiguousarray(short.motor_position[start : start + _PROBE])
         if start < 0 or not _tells(angle):
             continue
         at = whole.find(angle.tobytes())
         while at >= 0:
-            first = at // size
-            if at % size == 0 and np.array_equal(long.input[first : first + _PROBE], short.input[probe]):
+            if at % size == 0 and _alike_around(short, long, start, at // size) > least:
                 return True
             at = whole.find(angle.tobytes(), at + 1)
     return False
+
+
+def _alike_around(short: DataSet, long: DataSet, start: int, first: int) -> float:
+    """Travel of the stretch with one angle and one input in both data sets that begins by `_PROBE` samples
+    from ``start`` of the one and ``first`` of the other on, or lies around them; 0 where these differ."""
+    before, after = min(start, first), min(len(short) - start, len(long) - first)
+    here, there = slice(start - before, start + after), slice(first - before, first + after)
+    angle = short.motor_position[here]
+    alike = (angle == long.motor_position[there]) & (short.input[here] == long.input[there])
+    other = np.flatnonzero(~alike)
+    begin = int(np.max(other[other < before], initial=-1)) + 1
+    end = int(np.min(other[other >= before], initial=len(alike)))
+    return float(np.ptp(angle[begin:end])) if end - before >= _PROBE else 0.0
 
 
 def _tells(angle: NDArray[np.float64]) -> bool:
