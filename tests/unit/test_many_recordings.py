@@ -181,7 +181,7 @@ def test_joints_are_diagnosed_in_one_call_and_ranked_by_what_is_wrong(tmp_path, 
     assert asked["stage1"] == [[str(tmp_path / "e")], [str(tmp_path / "v")]]
     said = json.loads((out / "overview.json").read_text())
     assert [row["name"] for row in said["ranking"]] == ["omni_y", "omni_x", "stage2", "stage1"]
-    assert "Something is wrong with 3 of 4; first omni_y: backlash" in capsys.readouterr().out
+    assert "Something is missing or off in 3 of 4; first omni_y: backlash" in capsys.readouterr().out
     assert said["unusable"] == [{"name": "omni_z", "why": "no omni_z in it."}]
     page = (out / "report.html").read_text()
     assert 'href="stage2/report.html"' in page and "no omni_z in it." in page
@@ -208,7 +208,7 @@ def test_what_differs_by_what_is_not_worth_a_word_is_counted_apart():
     both = {"a": slight, "b": large}
     assert ranked(both) == ["b", "a"]
     said = overview_sentence(both)
-    assert said.startswith("Something is wrong with 1 of 2; first b: ")
+    assert said.startswith("Something is missing or off in 1 of 2; first b: ")
     assert said.endswith("; the other, a, differs by 0.09 %.")
     said = overview_sentence({"a": slight, "c": outcome("ambiguous", 98.0)})
     assert said == "Nothing that matters is wrong with any of the 2; 2 of them differ by 2 % at most."

@@ -51,7 +51,7 @@ def overview_sentence(outcomes: Outcomes) -> str:
         return f"Nothing was found missing or off in any of the {len(order)}."
     told = f"Nothing that matters is wrong with any of the {len(order)}"
     if wrong:
-        told = f"Something is wrong with {len(wrong)} of {len(order)}; first {wrong[0]}: "
+        told = f"Something is missing or off in {len(wrong)} of {len(order)}; first {wrong[0]}: "
         told += outcomes[wrong[0]]["what"]
     if not slight:
         return f"{told}."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from haptic_teleop_sim.effects import MEASURED
@@ -11,6 +11,7 @@ from haptic_teleop_sysid.report.numbers import with_error
 from ..decision.adequacy import NEARLY_ALL
 from ..decision.unknown.at_the_actuator import WITH_THE_INPUT
 from ..decision.words import acts, chance_sentence
+from ..policy import WORSE
 
 PART_LABELS = {
     "estimation": "recordings fitted to",
@@ -144,13 +145,26 @@ def moved_sentence(content: dict[str, Any]) -> str:
     """What is said of the parameters that are not as given; empty where there is nothing to say."""
     found = content["parameters_moved"]
     if not found:
-        if content["verdict"] == "no_mismatch" and content["augmented_model"]["holds"] == "baseline":
-            return "None of your parameters is off beyond its uncertainty and 5 %."
-        return ""
+        if content["verdict"] != "no_mismatch" or content["augmented_model"]["holds"] != "baseline":
+            return ""
+        given, again = (_mean(content["fit"][model]["validation"]) for model in ("given", "baseline"))
+        if again - given > WORSE:
+            return (
+                f"Re-estimated, your structure simulates better ({given:.1f} -> {again:.1f} %), but none of its "
+                "parameters alone is off beyond its uncertainty and 5 %: hold one that is known, such as the "
+                "torque constant or an inertia (`fixed`), and the others show."
+            )
+        return "None of your parameters is off beyond its uncertainty and 5 %."
     numbers = ", ".join(moved_words(m) for m in found)
     if content["verdict"] == "no_mismatch":
         return f"Your parameters are off, no physics is missing: {numbers}."
     return f"Beside what is missing, your parameters are off: {numbers}."
+
+
+def _mean(fits: Mapping[str, float | None]) -> float:
+    """Of the fits of all signals, %; what runs away counts as none of it."""
+    known = [f for f in fits.values() if f is not None and f == f]
+    return sum(known) / len(known) if known else 0.0
 
 
 def moved_words(moved: dict[str, Any]) -> str:
