@@ -43,6 +43,7 @@ from haptic_teleop_sysid.report import (
     save_png,
     unit_text,
 )
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.comparison_pictures import input_panel
 from haptic_teleop_sysid.runs.form_errors import widened_by_form
@@ -357,8 +358,8 @@ def run(argv: list[str]) -> int:
         write_json(output / "dataset.json", content)
     for name, one in looks.items():
         for _, sentence in judgement(one):
-            console.print(f"{name}: {sentence}", markup=False, highlight=False, soft_wrap=True)
-    console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
+            say(console, f"{name}: {sentence}")
+    say(console, f"report: {path}")
     return 0
 
 

@@ -20,6 +20,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import JOINT_ENCODER_GEARING, STAGES
 from haptic_teleop_sysid.commands.hand_table import read_table
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import write_json
 
 COLUMNS = ("drive", "joint")
@@ -84,20 +85,19 @@ def run(argv: list[str]) -> int:
     found = check_encoders(drive, joint, arguments.gearing)
     console = Console()
 
-    def say(sentence: str) -> None:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
     low, high = np.degrees(found.span)
     say(
+        console,
         f"over {low:.1f} to {high:.1f} degrees the encoders differ by {np.degrees(found.error):.3f} "
-        "degrees at most"
+        "degrees at most",
     )
     say(
+        console,
         f"joint per drive {found.scale:.6f} +- {found.std:.6f}: gearing {found.gearing:.4f} in place of "
-        f"{arguments.gearing:g} would leave {np.degrees(found.remaining):.3f} degrees"
+        f"{arguments.gearing:g} would leave {np.degrees(found.remaining):.3f} degrees",
     )
     kept = "kept" if found.error <= LARGEST_ERROR else "not kept"
-    say(f"the 0.2 degrees of the calibration are {kept}")
+    say(console, f"the 0.2 degrees of the calibration are {kept}")
     if arguments.output is not None:
         write_json(arguments.output, {"schema": 1, "unit": "rad", **asdict(found)})
     return 0

@@ -7,7 +7,6 @@ import argparse
 import math
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -35,7 +34,7 @@ from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
 from haptic_teleop_sysid.report import claimed, with_error
-from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
+from haptic_teleop_sysid.report.terminal import print_conclusion, say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.run_progress import share_progress
 from haptic_teleop_sysid.runs.estimation_report import tables
@@ -86,8 +85,8 @@ def run(argv: list[str]) -> int:
     print_conclusion(console, *conclusion(result, commands))
     further = [problem.headline for problem in problems(result)[1:]]
     for sentence in [*further, *(text for status, text in notes(result) if status != "good")]:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-    console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
+        say(console, sentence)
+    say(console, f"report: {path}")
     return 0
 
 
@@ -121,9 +120,9 @@ def _each_into(
         choices = replace(choices, mapping=str(Path(choices.mapping).resolve()))
     with_page = not arguments.no_report
     jobs = estimate_jobs(listing.found, model, arguments.validation or [], choices, with_page, output)
-    say = partial(Console().print, markup=False, highlight=False, soft_wrap=True)
+    console = Console()
     for line in listing.told:
-        say(line)
+        say(console, line)
     outcomes, known = each("estimating", jobs, means_of(arguments))
     if known:
         Console(stderr=True).print(f"{known} of {len(jobs)} were known from earlier runs", highlight=False)
@@ -141,13 +140,16 @@ def _each_into(
     report = estimates_page(model, outcomes, with_page).write(output / "report.html")
     for name, row in all_.items():
         text = f"{name}: {with_error(row['mean'], row['std'], row['unit'])}"
-        say(f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"))
+        say(
+            console,
+            f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"),
+        )
     if (doubted := doubted_sentence(outcomes)) is not None:
-        say(doubted)
+        say(console, doubted)
     unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
     for name, why in unusable.items():
-        say(f"not used: {name}: {why}")
-    say(f"report: {report}")
+        say(console, f"not used: {name}: {why}")
+    say(console, f"report: {report}")
     return 0 if len(unusable) < len(outcomes) else 2
 
 

@@ -19,6 +19,7 @@ from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 from haptic_teleop_sysid.commands.hand_table import read_table
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import write_json
 
 COLUMNS = ("torque", "deflection")
@@ -74,23 +75,25 @@ def run(argv: list[str]) -> int:
     console = Console()
     low, high = found.interval
 
-    def say(sentence: str) -> None:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-    say(f"Ks = {found.value:.4f} N·m/rad, standard error {found.std:.4f}, 95 % {low:.4f} to {high:.4f}")
     say(
+        console,
+        f"Ks = {found.value:.4f} N·m/rad, standard error {found.std:.4f}, 95 % {low:.4f} to {high:.4f}",
+    )
+    say(
+        console,
         f"{found.count} rows, {found.residual * 1e3:.3g} mN·m rms about the line, offset "
-        f"{found.offset * 1e3:.3g} mN·m"
+        f"{found.offset * 1e3:.3g} mN·m",
     )
     if found.worst[1] > 2.5:
         say(
+            console,
             f"row {found.worst[0]} lies {found.worst[1]:.1f} standard deviations off the line: measure it "
-            "again"
+            "again",
         )
     if arguments.stage is not None:
         nominal = SFJ_STAGES[arguments.stage].stiffness
         inside = "inside" if low <= nominal <= high else "outside"
-        say(f"{arguments.stage} is configured with {nominal} N·m/rad, {inside} this interval")
+        say(console, f"{arguments.stage} is configured with {nominal} N·m/rad, {inside} this interval")
     if arguments.output is not None:
         write_json(arguments.output, {"schema": 1, "unit": "N*m/rad", **asdict(found)})
     return 0
