@@ -14,7 +14,6 @@ from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES
-from haptic_teleop_sysid.commands.starting_model import StartingModel, joints_in, starting_model
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
@@ -24,6 +23,8 @@ from haptic_teleop_sysid.report import with_error
 from haptic_teleop_sysid.report.output import refuse_inputs
 from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import tool_version
+from haptic_teleop_sysid.starting_model.joints import joints_in
+from haptic_teleop_sysid.starting_model.model import StartingModel, starting_model
 
 PARTLY = 1
 """Exit status where some of several joints have no model."""
