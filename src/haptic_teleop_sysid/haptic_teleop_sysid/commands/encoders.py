@@ -20,6 +20,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import JOINT_ENCODER_GEARING, STAGES
 from haptic_teleop_sysid.commands.hand_table import read_table
+from haptic_teleop_sysid.commands.line_fit import line_fit
 from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import write_json
 
@@ -56,17 +57,12 @@ def check_encoders(
         raise ConfigurationError(
             "encoders: the drive moved by less than 0.1 rad: move it over its whole range."
         )
-    design = np.column_stack([a, np.ones_like(a)])
-    (scale, offset), *_ = np.linalg.lstsq(design, b, rcond=None)
-    left = b - design @ np.array([scale, offset])
-    variance = float(left @ left) / max(len(a) - 2, 1)
-    std = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
+    line = line_fit(a, b)
     apart = b - a
     error = float(np.max(np.abs(apart - np.mean(apart))))
     span = (float(np.min(a)), float(np.max(a)))
-    return EncoderCheck(
-        float(scale), std, gearing * float(scale), float(offset), error, float(np.max(np.abs(left))), span
-    )
+    remaining = float(np.max(np.abs(line.left)))
+    return EncoderCheck(line.slope, line.std, gearing * line.slope, line.offset, error, remaining, span)
 
 
 def run(argv: list[str]) -> int:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.counted import counted
 from haptic_teleop_sysid.logs.signals import Signal, wraps
+from haptic_teleop_sysid.recordings.median_frequency import median_periods
 
 Array = NDArray[np.float64]
 _DEGREES = 180.0 / np.pi
@@ -206,7 +207,7 @@ def brakes(drive: Array, velocity: Array) -> bool:
         return False
     u, v = drive[good], velocity[good]
     scale = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
-    half, latest = len(u) // 2, int(LATER * _period(v))
+    half, latest = len(u) // 2, int(LATER * (len(v) / max(median_periods(v), 1)))
 
     def weakest(late: int) -> float:
         """Power of the half in which it takes less, relative to the rms of both."""
@@ -217,13 +218,6 @@ def brakes(drive: Array, velocity: Array) -> bool:
         return False
     lates = (latest * step // _LATE_STEPS for step in range(_LATE_STEPS + 1))
     return weakest(0) < BRAKES_HARD or all(weakest(late) < BRAKES for late in lates)
-
-
-def _period(velocity: Array) -> float:
-    """Samples of a period of a motion (n,), half of whose power is at lower frequencies."""
-    power = np.abs(np.fft.rfft((velocity - velocity.mean()) * np.hanning(len(velocity)))) ** 2
-    middle = int(np.searchsorted(np.cumsum(power), 0.5 * np.sum(power)))
-    return len(velocity) / max(middle, 1)
 
 
 def _judge_derivative(

@@ -33,7 +33,7 @@ from haptic_teleop_sysid.runs.estimation_verdict import problems, rows_of
 
 from .each import Job
 from .folder import Found
-from .kept import DONE
+from .kept import DONE, numbers
 
 #: Probability below which scatter is not what the standard errors say.
 _UNLIKELY = 0.01
@@ -210,14 +210,10 @@ def estimates_plot(done: Mapping[str, Mapping[str, Any]], means: Mapping[str, Ma
     panels = []
     for name, row in means.items():
         told = [o["parameters"].get(name) or {} for o in done.values()]
-        value, std = (np.array([_number(t.get(key)) for t in told]) for key in ("value", "std"))
+        value, std = (numbers([t.get(key) for t in told]) for key in ("value", "std"))
         line = Series("value ± std. error", x, value, marks=True, line=False, error=std)
         panels.append(Panel(name, unit_text(row["unit"]), [line], guides=(row["mean"],)))
     return Plot(panels, "recording", names=list(done))
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
 
 
 def write_estimates(outcomes: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
