@@ -44,6 +44,7 @@ class Point:
 
     @property
     def dated(self) -> bool:
+        """Whether its first stamp is a date."""
         return self.found["start_ns"] >= _FIRST_DATE * 10**9
 
     @property
