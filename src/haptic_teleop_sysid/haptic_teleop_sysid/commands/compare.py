@@ -24,12 +24,8 @@ from haptic_teleop_sysid.report.terminal import print_conclusion, say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.comparison import Comparison, compare
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
-from haptic_teleop_sysid.runs.comparison_report import (
-    comparison_page,
-    comparison_table,
-    conclusion,
-    nearest_model,
-)
+from haptic_teleop_sysid.runs.comparison_report import comparison_page, comparison_table
+from haptic_teleop_sysid.runs.comparison_verdict import conclusion, nearest_model
 from haptic_teleop_sysid.runs.next_command import diagnose_command
 
 

@@ -26,10 +26,10 @@ from haptic_teleop_sysid.many.each import claim, each
 from haptic_teleop_sysid.many.estimates import (
     doubted_sentence,
     estimate_jobs,
-    estimates_page,
     together,
     write_estimates,
 )
+from haptic_teleop_sysid.many.estimates_page import estimates_page
 from haptic_teleop_sysid.many.folder import Listing, find_recordings
 from haptic_teleop_sysid.many.kept import DONE
 from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
