@@ -21,13 +21,11 @@ from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_control.strict_yaml import dump_yaml
+from haptic_teleop_sysid.commands.suggest_mapping import suggest
 from haptic_teleop_sysid.logs.mapping import Mapping, load_mapping
 from haptic_teleop_sysid.logs.opened import imported
-from haptic_teleop_sysid.logs.proposal_text import mapping_text
 from haptic_teleop_sysid.logs.prose import is_prose
-from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions, read_log
-from haptic_teleop_sysid.logs.second_look import mend, reverse_braking, tried
-from haptic_teleop_sysid.logs.suggest import propose
+from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions
 from haptic_teleop_sysid.report import unit_text
 from haptic_teleop_sysid.report.terminal import say
 
@@ -50,7 +48,7 @@ def run(argv: list[str]) -> int:
         None if mapping is None else mapping.stated, rows, arguments.skip_ragged, None, definitions
     )
     if arguments.suggest:
-        return _suggest(files, options, mapping)
+        return suggest(files, options, mapping)
     if arguments.output is None:
         raise ConfigurationError("say with --output where the recording goes, or --suggest a mapping.")
     output = Path(arguments.output)
@@ -109,43 +107,6 @@ def _several(
     if len(failed) == len(files):
         raise RecordingError(f"none of {len(files)} logs could be imported: see above what each lacks.")
     return PARTLY if failed else 0
-
-
-def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -> int:
-    if len(files) != 1:
-        raise ConfigurationError(f"--suggest looks at one log, and {len(files)} are given: name one.")
-    if mapping is not None:
-        raise ConfigurationError("--suggest proposes a mapping, and one is given: leave out --mapping.")
-    log = read_log(files[0], options)
-    proposal = propose(log)
-    refused, odd = tried(log, proposal)
-    mended = bool(refused) and mend(log, proposal)
-    turned = reverse_braking(log, proposal)
-    again, odd = tried(log, proposal) if mended or turned else (refused, odd)
-    notes = (*log.remarks, *proposal.notes, *odd)
-    print(mapping_text(log, proposal, again, notes), end="")
-    screen = Console(stderr=True)
-    for remark in notes:
-        say(screen, f"note: {remark}")
-    for doubt in proposal.doubts:
-        say(screen, f"open: {doubt.text}")
-    every = [c.sure for signals in proposal.joints.values() for c in signals.values()]
-    every += [proposal.time.sure] if proposal.time else []
-    counted = Counter(every)
-    told = ", ".join(f"{counted[s]} {s}" for s in ("stated", "likely", "guessed", "missing") if counted[s])
-    verdict = "look through what is not stated" if proposal.open else "nothing is open: no mapping is needed"
-    if again:
-        verdict = f"not to be imported as it stands: {again}"
-    elif mended:
-        verdict = (
-            f"look through what is not stated: by the headers alone it is refused ({refused.rstrip('.')})"
-        )
-    elif turned:
-        verdict = "look through what is not stated: by the headers alone the input brakes the joint"
-    say(screen, f"{told or 'nothing was found'}: {verdict}")
-    if proposal.lacking:
-        raise ConfigurationError(f"{files[0]}: {proposal.lacking[0]}.")
-    return 0
 
 
 def logs_in(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
