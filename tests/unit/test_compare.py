@@ -19,7 +19,8 @@ from haptic_teleop_sim.model import Model, load_model
 from haptic_teleop_sysid.commands import compare
 from haptic_teleop_sysid.runs.comparison import compare as compare_models
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures, percent_text
-from haptic_teleop_sysid.runs.comparison_report import comparison_page, conclusion
+from haptic_teleop_sysid.runs.comparison_report import comparison_page
+from haptic_teleop_sysid.runs.comparison_verdict import conclusion
 from haptic_teleop_sysid.runs.told_roles import role_comment, told_role
 
 TRUE_MODEL = Model("sfj", "stage1", "flexible_joint", TRUTH, fixed=("stiffness", "torque_constant"))

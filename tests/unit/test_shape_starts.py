@@ -10,7 +10,6 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.commands.dataset_report import Look, _judged, judgement
 from haptic_teleop_sysid.estimation.contradictions import contradictions
 from haptic_teleop_sysid.estimation.excitation import NOT_FITTED
 from haptic_teleop_sysid.estimation.records import records_from, with_trusted_input
@@ -18,6 +17,7 @@ from haptic_teleop_sysid.estimation.strategies import estimate
 from haptic_teleop_sysid.estimation.uncertainty import Uncertainty
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 from haptic_teleop_sysid.recordings.preparation import Treatment, prepare
+from haptic_teleop_sysid.runs.dataset_look import Look, _judged, judgement
 from haptic_teleop_sysid.runs.estimation_result import Result
 from haptic_teleop_sysid.runs.estimation_run import run_estimate
 from haptic_teleop_sysid.runs.estimation_verdict import problems

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from haptic_teleop_sysid.commands.dataset_report import spectrum_picture
+from haptic_teleop_sysid.runs.dataset_pictures import spectrum_picture
 
 
 @pytest.mark.parametrize(("unit", "told"), [("A", "A²/Hz"), ("N*m", "(N·m)²/Hz"), ("N·m", "(N·m)²/Hz")])

@@ -30,6 +30,7 @@ from haptic_teleop_sim.experiments import SteppedRobot, run_closed_loop
 from haptic_teleop_sim.hardware import OMNI_PARAMETERS, SFJ_PARAMETERS, OmniRobot, SfjRobot
 from haptic_teleop_sim.mujoco_robot import MujocoRobot
 from haptic_teleop_sysid.commands.demo import run_scenario
+from haptic_teleop_sysid.report.terminal import say
 
 AFTERWARDS = 0.5
 """s of recording after the signal's end."""
@@ -103,7 +104,7 @@ def run(argv: list[str]) -> int:
     experiment, sections = experiment_from(path, arguments.allow)
     screen = Console(stderr=True)
     for warning in experiment.warnings:
-        screen.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+        say(screen, f"warning: {warning}")
     stated = parameters_for(sections, "scenario", SCENARIO)
     scenario = SCENARIO.check({"nodes": ["acquisition"], **stated}, str(path))
     output = Path(arguments.output)

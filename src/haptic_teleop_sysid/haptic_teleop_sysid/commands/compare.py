@@ -20,16 +20,12 @@ from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import reported, tell
 from haptic_teleop_sysid.recordings.preparation import refuse_huge
 from haptic_teleop_sysid.report import claimed, save_png
-from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
+from haptic_teleop_sysid.report.terminal import print_conclusion, say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.comparison import Comparison, compare
 from haptic_teleop_sysid.runs.comparison_pictures import comparison_pictures
-from haptic_teleop_sysid.runs.comparison_report import (
-    comparison_page,
-    comparison_table,
-    conclusion,
-    nearest_model,
-)
+from haptic_teleop_sysid.runs.comparison_report import comparison_page, comparison_table
+from haptic_teleop_sysid.runs.comparison_verdict import conclusion, nearest_model
 from haptic_teleop_sysid.runs.next_command import diagnose_command
 
 
@@ -122,13 +118,13 @@ def run(argv: list[str]) -> int:
             content |= {"runtime_s": time.perf_counter() - began, "version": tool_version()}
             write_json(output / "compare.json", content)
     for title, table in comparison_table(result).items():
-        console.print(title, markup=False, highlight=False, soft_wrap=True)  # a path stays whole
+        say(console, title)
         console.print(table)
     print_conclusion(console, *conclusion(result, command))
     for bag, dataset in result.data.items():
         for problem in dataset.problems:
-            progress.print(f"note: {bag}: {problem}", markup=False, highlight=False, soft_wrap=True)
-    console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
+            say(progress, f"note: {bag}: {problem}")
+    say(console, f"report: {report}")
     return 0
 
 

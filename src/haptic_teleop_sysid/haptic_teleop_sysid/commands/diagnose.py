@@ -25,6 +25,7 @@ from haptic_teleop_sysid.logs.reading import is_foreign
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.many.options import add_means_options, refuse_means
 from haptic_teleop_sysid.report import claimed
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.run_progress import RunProgress
 from haptic_teleop_sysid.runs.diagnosis_run import Options, diagnose_into, load, refuse_too_many
 
@@ -69,10 +70,10 @@ def run_one(arguments: argparse.Namespace, model: Model, began: float) -> int:
         )
     for name, problems in content["recordings"].items():
         for problem in problems:
-            screen.print(f"note: {name}: {problem}", markup=False, highlight=False, soft_wrap=True)
-    console.print(summary(content), markup=False, highlight=False, soft_wrap=True)
+            say(screen, f"note: {name}: {problem}")
+    say(console, summary(content))
     if report is not None:
-        console.print(f"report: {report}", markup=False, highlight=False, soft_wrap=True)
+        say(console, f"report: {report}")
     return 0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from haptic_teleop_sysid.many.ranking import (
     ranked,
     write_overview,
 )
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.diagnosis_run import Options
 
@@ -48,7 +48,7 @@ def _into(
         jobs = joint_jobs(models, groups, options, output)
     screen = Console(stderr=True)
     for line in listing.told:
-        screen.print(line, markup=False, highlight=False, soft_wrap=True)
+        say(screen, line)
     outcomes, known = each("diagnosing", jobs, means_of(arguments))
     if known:
         screen.print(f"{known} of {len(jobs)} were known from earlier runs", highlight=False)
@@ -63,15 +63,15 @@ def _into(
 
 def told(outcomes: dict[str, dict[str, Any]], report: Path) -> int:
     """Print the overview; returns the exit status."""
-    say = partial(Console().print, markup=False, highlight=False, soft_wrap=True)
-    say(overview_sentence(outcomes))
+    console = Console()
+    say(console, overview_sentence(outcomes))
     for number, name in enumerate(ranked(outcomes), start=1):
         o = outcomes[name]
         errors = f"error {percent(o['error'])} -> {percent(o['left'])}"
         slight = "slight, " if o["wrong"] and not o["matters"] else ""
-        say(f"{number}. {name}: {o['verdict']}: {o['what']} ({slight}{errors})")
+        say(console, f"{number}. {name}: {o['verdict']}: {o['what']} ({slight}{errors})")
     for name, outcome in outcomes.items():
         if outcome["status"] != DONE:
-            say(f"not diagnosed: {name}: {outcome['message']}")
-    say(f"report: {report}")
+            say(console, f"not diagnosed: {name}: {outcome['message']}")
+    say(console, f"report: {report}")
     return 0 if any(o["status"] == DONE for o in outcomes.values()) else 2

@@ -20,6 +20,8 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import JOINT_ENCODER_GEARING, STAGES
 from haptic_teleop_sysid.commands.hand_table import read_table
+from haptic_teleop_sysid.commands.line_fit import line_fit
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import write_json
 
 COLUMNS = ("drive", "joint")
@@ -55,17 +57,12 @@ def check_encoders(
         raise ConfigurationError(
             "encoders: the drive moved by less than 0.1 rad: move it over its whole range."
         )
-    design = np.column_stack([a, np.ones_like(a)])
-    (scale, offset), *_ = np.linalg.lstsq(design, b, rcond=None)
-    left = b - design @ np.array([scale, offset])
-    variance = float(left @ left) / max(len(a) - 2, 1)
-    std = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
+    line = line_fit(a, b)
     apart = b - a
     error = float(np.max(np.abs(apart - np.mean(apart))))
     span = (float(np.min(a)), float(np.max(a)))
-    return EncoderCheck(
-        float(scale), std, gearing * float(scale), float(offset), error, float(np.max(np.abs(left))), span
-    )
+    remaining = float(np.max(np.abs(line.left)))
+    return EncoderCheck(line.slope, line.std, gearing * line.slope, line.offset, error, remaining, span)
 
 
 def run(argv: list[str]) -> int:
@@ -84,20 +81,19 @@ def run(argv: list[str]) -> int:
     found = check_encoders(drive, joint, arguments.gearing)
     console = Console()
 
-    def say(sentence: str) -> None:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
     low, high = np.degrees(found.span)
     say(
+        console,
         f"over {low:.1f} to {high:.1f} degrees the encoders differ by {np.degrees(found.error):.3f} "
-        "degrees at most"
+        "degrees at most",
     )
     say(
+        console,
         f"joint per drive {found.scale:.6f} +- {found.std:.6f}: gearing {found.gearing:.4f} in place of "
-        f"{arguments.gearing:g} would leave {np.degrees(found.remaining):.3f} degrees"
+        f"{arguments.gearing:g} would leave {np.degrees(found.remaining):.3f} degrees",
     )
     kept = "kept" if found.error <= LARGEST_ERROR else "not kept"
-    say(f"the 0.2 degrees of the calibration are {kept}")
+    say(console, f"the 0.2 degrees of the calibration are {kept}")
     if arguments.output is not None:
         write_json(arguments.output, {"schema": 1, "unit": "rad", **asdict(found)})
     return 0

@@ -7,15 +7,14 @@ import argparse
 import math
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from haptic_teleop_control.command_line import ArgumentParser, run_command
-from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sim.model import Model, load_model
+from haptic_teleop_sysid.commands.estimate_many import run_many
 from haptic_teleop_sysid.commands.treatment_options import (
     add_mapping_option,
     add_treatment_options,
@@ -23,20 +22,9 @@ from haptic_teleop_sysid.commands.treatment_options import (
 )
 from haptic_teleop_sysid.estimation.strategies import METHODS, check_start
 from haptic_teleop_sysid.logs.story import reported, tell
-from haptic_teleop_sysid.many.each import claim, each
-from haptic_teleop_sysid.many.estimates import (
-    doubted_sentence,
-    estimate_jobs,
-    estimates_page,
-    together,
-    write_estimates,
-)
-from haptic_teleop_sysid.many.folder import Listing, find_recordings
-from haptic_teleop_sysid.many.kept import DONE
-from haptic_teleop_sysid.many.options import add_means_options, means_of, refuse_means
-from haptic_teleop_sysid.report import claimed, with_error
-from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
-from haptic_teleop_sysid.results import tool_version, write_json
+from haptic_teleop_sysid.many.options import add_means_options, refuse_means
+from haptic_teleop_sysid.report import claimed
+from haptic_teleop_sysid.report.terminal import print_conclusion, say
 from haptic_teleop_sysid.run_progress import share_progress
 from haptic_teleop_sysid.runs.estimation_report import tables
 from haptic_teleop_sysid.runs.estimation_run import Choices, load, run_estimate, write_results
@@ -68,7 +56,7 @@ def run(argv: list[str]) -> int:
     )
     check_start(model, choices.limits)
     if arguments.bags:
-        return _each(arguments, model, choices, began)
+        return run_many(arguments, model, choices, began)
     refuse_means(arguments, "--bags")
     console, screen = Console(), Console(stderr=True)
     with claimed(arguments.output, "estimate.json", arguments.overwrite) as output:
@@ -86,8 +74,8 @@ def run(argv: list[str]) -> int:
     print_conclusion(console, *conclusion(result, commands))
     further = [problem.headline for problem in problems(result)[1:]]
     for sentence in [*further, *(text for status, text in notes(result) if status != "good")]:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-    console.print(f"report: {path}", markup=False, highlight=False, soft_wrap=True)
+        say(console, sentence)
+    say(console, f"report: {path}")
     return 0
 
 
@@ -100,55 +88,6 @@ def _next(argv: list[str], arguments: argparse.Namespace) -> Commands:
     # The other methods have one start, whatever is asked for.
     more = ("--multi-start", "6", *(() if arguments.method == METHODS[0] else ("--method", METHODS[0])))
     return Commands(diagnosed, again_command("estimate", argv, f"{where}_again", *more))
-
-
-def _each(arguments: argparse.Namespace, model: Model, choices: Choices, began: float) -> int:
-    """Estimate from each recording of a folder for itself; returns the exit status."""
-    listing = find_recordings(arguments.bags)
-    with claim(Path(arguments.output)) as output:
-        return _each_into(output, arguments, model, choices, listing, began)
-
-
-def _each_into(
-    output: Path,
-    arguments: argparse.Namespace,
-    model: Model,
-    choices: Choices,
-    listing: Listing,
-    began: float,
-) -> int:
-    if choices.mapping is not None:
-        choices = replace(choices, mapping=str(Path(choices.mapping).resolve()))
-    with_page = not arguments.no_report
-    jobs = estimate_jobs(listing.found, model, arguments.validation or [], choices, with_page, output)
-    say = partial(Console().print, markup=False, highlight=False, soft_wrap=True)
-    for line in listing.told:
-        say(line)
-    outcomes, known = each("estimating", jobs, means_of(arguments))
-    if known:
-        Console(stderr=True).print(f"{known} of {len(jobs)} were known from earlier runs", highlight=False)
-    all_ = together(outcomes)
-    content = {
-        "schema": 1,
-        "together": all_,
-        "passed_over": listing.passed,
-        "recordings": {n: {k: v for k, v in o.items() if k != "key"} for n, o in outcomes.items()},
-        "runtime_s": round(time.perf_counter() - began, 2),
-        "version": tool_version(),
-    }
-    write_json(output / "estimates.json", content)
-    write_estimates(outcomes, output / "estimates.csv")
-    report = estimates_page(model, outcomes, with_page).write(output / "report.html")
-    for name, row in all_.items():
-        text = f"{name}: {with_error(row['mean'], row['std'], row['unit'])}"
-        say(f"{text} of {counted(row['count'], 'recording')}" + ("" if row["alike"] else ", which differ"))
-    if (doubted := doubted_sentence(outcomes)) is not None:
-        say(doubted)
-    unusable = {n: o["message"] for n, o in outcomes.items() if o["status"] != DONE}
-    for name, why in unusable.items():
-        say(f"not used: {name}: {why}")
-    say(f"report: {report}")
-    return 0 if len(unusable) < len(outcomes) else 2
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -19,6 +19,7 @@ from haptic_teleop_sysid.commands.export_reference import multisine, recorded
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.story import tell
 from haptic_teleop_sysid.report.output import refuse_inputs
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.report.terminal_table import TerminalTable
 from haptic_teleop_sysid.results import tool_version, write_json
 
@@ -123,7 +124,7 @@ def _show(console: Console, content: dict[str, Any], output: Path, beside: Path)
         )
     lines.append(f"written: {output}, {beside.name}")
     for line in lines:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+        say(console, line)
 
 
 def _cost(row: dict[str, Any]) -> str:

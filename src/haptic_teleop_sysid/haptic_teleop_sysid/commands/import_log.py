@@ -21,14 +21,13 @@ from haptic_teleop_control.counted import counted
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording, write_recording
 from haptic_teleop_control.strict_yaml import dump_yaml
+from haptic_teleop_sysid.commands.suggest_mapping import suggest
 from haptic_teleop_sysid.logs.mapping import Mapping, load_mapping
 from haptic_teleop_sysid.logs.opened import imported
-from haptic_teleop_sysid.logs.proposal_text import mapping_text
 from haptic_teleop_sysid.logs.prose import is_prose
-from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions, read_log
-from haptic_teleop_sysid.logs.second_look import mend, reverse_braking, tried
-from haptic_teleop_sysid.logs.suggest import propose
+from haptic_teleop_sysid.logs.reading import SUFFIXES, ReadOptions
 from haptic_teleop_sysid.report import unit_text
+from haptic_teleop_sysid.report.terminal import say
 
 PARTLY = 1
 """Exit status where some of several logs became recordings."""
@@ -49,7 +48,7 @@ def run(argv: list[str]) -> int:
         None if mapping is None else mapping.stated, rows, arguments.skip_ragged, None, definitions
     )
     if arguments.suggest:
-        return _suggest(files, options, mapping)
+        return suggest(files, options, mapping)
     if arguments.output is None:
         raise ConfigurationError("say with --output where the recording goes, or --suggest a mapping.")
     output = Path(arguments.output)
@@ -59,7 +58,7 @@ def run(argv: list[str]) -> int:
         )
     console, screen = Console(), Console(stderr=True)
     if passed:
-        _say(screen, f"passed over, being no recording: {', '.join(map(str, passed))}")
+        say(screen, f"passed over, being no recording: {', '.join(map(str, passed))}")
     if (len(files) == 1 and not Path(arguments.files[0]).is_dir()) or _is_bag(Path(arguments.files[0])):
         recording = imported(files[0], mapping, options)
         _written(recording, output)
@@ -86,21 +85,21 @@ def _several(
             _written(recording, output / name)
         except HapticTeleopError as error:
             failed[file] = " ".join(str(error).split())
-            _say(screen, f"failed: {failed[file]}")
+            say(screen, f"failed: {failed[file]}")
             continue
         except Exception as error:  # a defect with one log is no reason to lose the others
             failed[file] = f"{file}: {type(error).__name__}: {error} (a defect of the program: report it)"
-            _say(screen, f"failed: {failed[file]}")
+            say(screen, f"failed: {failed[file]}")
             continue
         odd = recording.experiment["import"]["odd"]
         if len(files) <= FEW:
             _tell(recording, output / name, console, screen)
             continue
         for line in odd:
-            _say(screen, f"note: {file}: {line}")
+            say(screen, f"note: {file}: {line}")
         about = f"{_samples(recording)}" + (f"; {counted(len(odd), 'thing')} to look at" if odd else "")
-        _say(console, f"{output / name}: {about}")
-    _say(
+        say(console, f"{output / name}: {about}")
+    say(
         console,
         f"{len(files) - len(failed)} of {len(files)} logs imported into {output}"
         + (f"; {len(failed)} failed: {', '.join(str(f) for f in failed)}" if failed else ""),
@@ -108,43 +107,6 @@ def _several(
     if len(failed) == len(files):
         raise RecordingError(f"none of {len(files)} logs could be imported: see above what each lacks.")
     return PARTLY if failed else 0
-
-
-def _suggest(files: list[Path], options: ReadOptions, mapping: Mapping | None) -> int:
-    if len(files) != 1:
-        raise ConfigurationError(f"--suggest looks at one log, and {len(files)} are given: name one.")
-    if mapping is not None:
-        raise ConfigurationError("--suggest proposes a mapping, and one is given: leave out --mapping.")
-    log = read_log(files[0], options)
-    proposal = propose(log)
-    refused, odd = tried(log, proposal)
-    mended = bool(refused) and mend(log, proposal)
-    turned = reverse_braking(log, proposal)
-    again, odd = tried(log, proposal) if mended or turned else (refused, odd)
-    notes = (*log.remarks, *proposal.notes, *odd)
-    print(mapping_text(log, proposal, again, notes), end="")
-    screen = Console(stderr=True)
-    for remark in notes:
-        _say(screen, f"note: {remark}")
-    for doubt in proposal.doubts:
-        _say(screen, f"open: {doubt.text}")
-    every = [c.sure for signals in proposal.joints.values() for c in signals.values()]
-    every += [proposal.time.sure] if proposal.time else []
-    counted = Counter(every)
-    told = ", ".join(f"{counted[s]} {s}" for s in ("stated", "likely", "guessed", "missing") if counted[s])
-    verdict = "look through what is not stated" if proposal.open else "nothing is open: no mapping is needed"
-    if again:
-        verdict = f"not to be imported as it stands: {again}"
-    elif mended:
-        verdict = (
-            f"look through what is not stated: by the headers alone it is refused ({refused.rstrip('.')})"
-        )
-    elif turned:
-        verdict = "look through what is not stated: by the headers alone the input brakes the joint"
-    _say(screen, f"{told or 'nothing was found'}: {verdict}")
-    if proposal.lacking:
-        raise ConfigurationError(f"{files[0]}: {proposal.lacking[0]}.")
-    return 0
 
 
 def logs_in(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -186,12 +148,12 @@ def _samples(recording: Recording) -> str:
 def _tell(recording: Recording, output: Path, console: Console, screen: Console) -> None:
     story: dict[str, Any] = recording.experiment["import"]
     for line in (*story["read"], *story["changes"]):
-        _say(console, line)
+        say(console, line)
     for joint, units in story["units"].items():
         for name, where in story["io"][joint].items():
             series = recording.topics[where["topic"]] if where else None
             if series is None:
-                _say(screen, f"note: {joint} has no {name}") if name == "input" else None
+                say(screen, f"note: {joint} has no {name}") if name == "input" else None
                 continue
             kinds = ("effort",) if name == "input" else ("position", "velocity")
             for kind in kinds:
@@ -203,16 +165,12 @@ def _tell(recording: Recording, output: Path, console: Console, screen: Console)
                 unit = units["input"] if name == "input" else units[kind]
                 low, high = float(np.nanmin(column)), float(np.nanmax(column))
                 what = "input" if name == "input" else f"{name} {kind}"
-                _say(console, f"{joint} {what}: {low:.6g} to {high:.6g} {unit_text(unit)}")
+                say(console, f"{joint} {what}: {low:.6g} to {high:.6g} {unit_text(unit)}")
     for line in story["odd"]:
-        _say(screen, f"note: {line}")
-    _say(console, f"recording: {output} ({_samples(recording)})")
+        say(screen, f"note: {line}")
+    say(console, f"recording: {output} ({_samples(recording)})")
     io = dump_yaml(story["io"][next(iter(story["io"]))], default_flow_style=True).strip().replace("\n", " ")
-    _say(console, f"in a model file: robot: generic, io: {' '.join(io.split())}")
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
+    say(console, f"in a model file: robot: generic, io: {' '.join(io.split())}")
 
 
 def main(argv: list[str] | None = None) -> int:

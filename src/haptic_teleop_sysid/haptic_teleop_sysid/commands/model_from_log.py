@@ -14,7 +14,6 @@ from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError, HapticTeleopError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import STRUCTURES
-from haptic_teleop_sysid.commands.starting_model import StartingModel, joints_in, starting_model
 from haptic_teleop_sysid.commands.treatment_options import add_mapping_option
 from haptic_teleop_sysid.logs.opened import open_recording
 from haptic_teleop_sysid.logs.story import tell
@@ -22,7 +21,10 @@ from haptic_teleop_sysid.recordings.parameter_units import Units
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units
 from haptic_teleop_sysid.report import with_error
 from haptic_teleop_sysid.report.output import refuse_inputs
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import tool_version
+from haptic_teleop_sysid.starting_model.joints import joints_in
+from haptic_teleop_sysid.starting_model.model import StartingModel, starting_model
 
 PARTLY = 1
 """Exit status where some of several joints have no model."""
@@ -39,7 +41,7 @@ def run(argv: list[str]) -> int:
     tell(screen, {name: recording.experiment for name, recording in recordings.items()}, arguments.verbose)
     for name, recording in recordings.items():
         for odd in recording.experiment.get("import", {}).get("odd", ()):
-            _say(screen, f"note: {name}: {odd}")
+            say(screen, f"note: {name}: {odd}")
     first = next(iter(recordings))
     joints = joints_in(recordings[first], first)
     if any(topic.startswith(("/sfj/", "/omni/")) for topic in recordings[first].topics):
@@ -66,7 +68,7 @@ def run(argv: list[str]) -> int:
             if len(paths) == 1:
                 raise
             failed.append(joint)
-            _say(screen, f"failed: {joint}: {' '.join(str(error).split())}")
+            say(screen, f"failed: {joint}: {' '.join(str(error).split())}")
             continue
         units = recorded_units(recordings[first].experiment, str(joints[joint]["motor"]["joint"]))
         lines = lines_of(found, units)
@@ -75,8 +77,8 @@ def run(argv: list[str]) -> int:
         except OSError as error:
             raise ConfigurationError(f"{path} cannot be written ({error}): name another --output.") from error
         for line in lines:
-            _say(console, line)
-        _say(console, f"model: {path}")
+            say(console, line)
+        say(console, f"model: {path}")
     if len(failed) == len(paths):
         raise RecordingError(f"{first}: no joint of it gives a model: see above what each lacks.")
     return PARTLY if failed else 0
@@ -130,10 +132,6 @@ def main(argv: list[str] | None = None) -> int:
 def _word(joint: str) -> str:
     """A joint's name as part of a file's name."""
     return re.sub(r"[^A-Za-z0-9.-]+", "_", joint)
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -19,6 +19,8 @@ from haptic_teleop_control.command_line import ArgumentParser, run_command
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.robots import SFJ_STAGES, STAGES
 from haptic_teleop_sysid.commands.hand_table import read_table
+from haptic_teleop_sysid.commands.line_fit import line_fit
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import write_json
 
 COLUMNS = ("torque", "deflection")
@@ -45,24 +47,17 @@ def joint_stiffness(torque: ArrayLike, deflection: ArrayLike) -> Stiffness:
     t, d = np.asarray(torque, dtype=np.float64), np.asarray(deflection, dtype=np.float64)
     if len(t) < 3 or np.ptp(d) <= 1e-9 * max(float(np.max(np.abs(d))), 1e-12):
         raise ConfigurationError("stiffness: give at least three rows with different deflections.")
-    design = np.column_stack([d, np.ones_like(d)])
-    (value, offset), *_ = np.linalg.lstsq(design, t, rcond=None)
-    error = t - design @ np.array([value, offset])
-    free = len(t) - 2
-    variance = float(error @ error) / free
-    std = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0]))
-    if value <= 0.0:
+    line = line_fit(d, t)
+    if line.slope <= 0.0:
         raise ConfigurationError(
-            f"stiffness: the table gives {value:.4g} N·m/rad, and no spring is negative: check the signs "
-            "(counter-clockwise positive for both)."
+            f"stiffness: the table gives {line.slope:.4g} N·m/rad, and no spring is negative: check the "
+            "signs (counter-clockwise positive for both)."
         )
-    half = std * float(stdtrit(free, 0.975))
-    row = int(np.argmax(np.abs(error)))
-    far = float(abs(error[row]) / np.sqrt(variance)) if variance > 0.0 else 0.0
-    interval = (float(value - half), float(value + half))
-    return Stiffness(
-        float(value), std, interval, float(offset), float(np.sqrt(variance)), len(t), (row + 1, far)
-    )
+    half = line.std * float(stdtrit(len(t) - 2, 0.975))
+    interval = (line.slope - half, line.slope + half)
+    row = int(np.argmax(np.abs(line.left)))
+    far = float(abs(line.left[row])) / line.residual if line.residual > 0.0 else 0.0
+    return Stiffness(line.slope, line.std, interval, line.offset, line.residual, len(t), (row + 1, far))
 
 
 def run(argv: list[str]) -> int:
@@ -74,23 +69,25 @@ def run(argv: list[str]) -> int:
     console = Console()
     low, high = found.interval
 
-    def say(sentence: str) -> None:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-    say(f"Ks = {found.value:.4f} N·m/rad, standard error {found.std:.4f}, 95 % {low:.4f} to {high:.4f}")
     say(
+        console,
+        f"Ks = {found.value:.4f} N·m/rad, standard error {found.std:.4f}, 95 % {low:.4f} to {high:.4f}",
+    )
+    say(
+        console,
         f"{found.count} rows, {found.residual * 1e3:.3g} mN·m rms about the line, offset "
-        f"{found.offset * 1e3:.3g} mN·m"
+        f"{found.offset * 1e3:.3g} mN·m",
     )
     if found.worst[1] > 2.5:
         say(
+            console,
             f"row {found.worst[0]} lies {found.worst[1]:.1f} standard deviations off the line: measure it "
-            "again"
+            "again",
         )
     if arguments.stage is not None:
         nominal = SFJ_STAGES[arguments.stage].stiffness
         inside = "inside" if low <= nominal <= high else "outside"
-        say(f"{arguments.stage} is configured with {nominal} N·m/rad, {inside} this interval")
+        say(console, f"{arguments.stage} is configured with {nominal} N·m/rad, {inside} this interval")
     if arguments.output is not None:
         write_json(arguments.output, {"schema": 1, "unit": "N*m/rad", **asdict(found)})
     return 0

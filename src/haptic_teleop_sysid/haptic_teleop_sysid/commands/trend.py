@@ -30,6 +30,7 @@ from haptic_teleop_sysid.many.options import add_means_options, chance, means_of
 from haptic_teleop_sysid.many.trend import BESIDE, trend_of
 from haptic_teleop_sysid.many.trend_page import trend_page, write_table
 from haptic_teleop_sysid.many.trend_words import alarm_sentence, change_sentence, content, diagnose_commands
+from haptic_teleop_sysid.report.terminal import say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.runs.estimation_run import Choices
 
@@ -92,20 +93,20 @@ def _into(output: Path, arguments: argparse.Namespace, model: Model, listing: Li
         write_table(trend, output / "trend.csv")
         report = trend_page(trend, commands).write(output / "report.html")
 
-    def say(text: str) -> None:
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
-
-    say(change_sentence(trend))
+    say(console, change_sentence(trend))
     if trend.first is not None:
-        say(f"first outside: {trend.points[trend.first].when}: {'; '.join(trend.reasons(trend.first))}")
+        say(
+            console,
+            f"first outside: {trend.points[trend.first].when}: {'; '.join(trend.reasons(trend.first))}",
+        )
     for command, which in zip(commands, ("it", "the newest, where a change has grown"), strict=False):
-        say(f"  look into {which}: {shlex.join(command)}")
+        say(console, f"  look into {which}: {shlex.join(command)}")
     for name, why in trend.unusable:
-        say(f"not used: {name}: {why}")
+        say(console, f"not used: {name}: {why}")
     for note in trend.told:
-        say(f"note: {note}")
-    say(alarm_sentence(trend))
-    say(f"report: {report}")
+        say(console, f"note: {note}")
+    say(console, alarm_sentence(trend))
+    say(console, f"report: {report}")
     if arguments.diagnose and commands:
         diagnose([*commands[0][2:], "--jobs", "1"] if arguments.jobs == 1 else commands[0][2:])
     odd = trend.first is not None or trend.unusable or trend.damaged

@@ -17,7 +17,7 @@ from haptic_teleop_control.errors import ConfigurationError, MismatchError
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_sysid.report import Status, claim_output_directory, save_png
-from haptic_teleop_sysid.report.terminal_conclusion import print_conclusion
+from haptic_teleop_sysid.report.terminal import print_conclusion, say
 from haptic_teleop_sysid.results import tool_version, write_json
 from haptic_teleop_sysid.verification.conclusion import conclusion
 from haptic_teleop_sysid.verification.overlay_report import overlay_all
@@ -175,22 +175,20 @@ def print_summary(found: Verification, report: Path, figures_only: bool = False)
     }
     print_conclusion(console, found.status, found.happened, found.todo)
     for one in found.runs:
-        console.print(one.name, markup=False, soft_wrap=True)
+        say(console, one.name)
         if figures_only:
             for status, text in failures(one):
                 console.print(f"  {words[status]} ", end="")
-                console.print(text, markup=False, soft_wrap=True)
+                say(console, text)
             for value, label, note in key_figures(one):
-                console.print(f"  {label:28} {value:>14}   {note}", markup=False, soft_wrap=True)
+                say(console, f"  {label:28} {value:>14}   {note}")
             continue
         for status, text in verdicts(one):
             console.print(f"  {words[status]} ", end="")
-            console.print(text, markup=False, soft_wrap=True)
+            say(console, text)
         if one.name in found.not_simulated:
-            console.print(
-                f"       no simulation: it {found.not_simulated[one.name]}.", markup=False, soft_wrap=True
-            )
-    console.print(f"report: {report}", markup=False, soft_wrap=True)
+            say(console, f"       no simulation: it {found.not_simulated[one.name]}.")
+    say(console, f"report: {report}")
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -9,6 +9,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from haptic_teleop_sysid.discovery.conclusion import RESULT
 from haptic_teleop_sysid.discovery.overlay import AUGMENTED, LAB, REFITTED, mean
 from haptic_teleop_sysid.discovery.steps import Say, Settings, StepFailed
 from haptic_teleop_sysid.report import claim_output_directory, numbered_output_directory
+from haptic_teleop_sysid.report.terminal import say
 
 PLANTS = {"auto": None, "mujoco": "mujoco_sim", "sfj_sim": "sfj_sim"}
 
@@ -41,13 +43,10 @@ def run(argv: list[str]) -> int:
             raise ConfigurationError(f"--output {output} is not empty: choose another directory.")
     screen = Console(stderr=True)
 
-    def say(text: str) -> None:
-        screen.print(text, markup=False, highlight=False, soft_wrap=True)
-
     @contextmanager
     def live() -> Iterator[Say]:
         if not screen.is_terminal:
-            yield lambda line: say(f"      {line}")
+            yield lambda line: say(screen, f"      {line}")
             return
         with screen.status("diagnose") as status:
             yield lambda line: status.update(Text(line))
@@ -55,7 +54,7 @@ def run(argv: list[str]) -> int:
     plant = PLANTS[arguments.plant]
     settings = Settings(arguments.seed, plant, mujoco, arguments.lockstep, arguments.seconds)
     try:
-        content = discover(settings, output, say, live)
+        content = discover(settings, output, partial(say, screen), live)
     except StepFailed as failure:
         print(f"discover: {failure}", file=sys.stderr)
         return 1

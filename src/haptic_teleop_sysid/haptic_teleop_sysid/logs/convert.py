@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import JointStateSeries, Recording
 from haptic_teleop_sysid.logs.clock import BACK, stamps_of
-from haptic_teleop_sysid.logs.evidence import contradictions
+from haptic_teleop_sysid.logs.contradictions import contradictions
 from haptic_teleop_sysid.logs.log import Log
 from haptic_teleop_sysid.logs.mapping import Mapping
 from haptic_teleop_sysid.logs.signals import Signal, signals_of

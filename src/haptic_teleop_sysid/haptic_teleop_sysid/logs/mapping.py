@@ -17,8 +17,6 @@ from haptic_teleop_sysid.logs.dialect import Stated
 from haptic_teleop_sysid.logs.units import SHARE, Unit, unit_of
 
 VERSION = 1
-SIGNALS = ("input", "motor_position", "motor_velocity", "arm_position", "arm_velocity")
-"""What a joint's recording can hold, as keys of `Mapping.joints`."""
 QUANTITIES = {
     "input": ("torque", "force", "current", "voltage", SHARE),
     "position": ("angle", "length"),
@@ -49,8 +47,9 @@ class Entry:
 @dataclass(frozen=True)
 class Mapping:
     """``time``: its column and unit, or None where the log's own stamps or ``rate`` (Hz) say when;
-    ``joints``: name -> signal of SIGNALS -> Entry; ``stated``: how a text table is written; ``source``:
-    where the mapping is from; ``notes``: what to tell beside it."""
+    ``joints``: name -> signal (`input`, `motor_position`, `motor_velocity`, `arm_position`, `arm_velocity`)
+    -> Entry; ``stated``: how a text table is written; ``source``: where the mapping is from; ``notes``: what
+    to tell beside it."""
 
     joints: dict[str, dict[str, Entry]]
     time: Entry | None = None

@@ -15,8 +15,6 @@ from haptic_teleop_sysid.logs.reading import ReadOptions, is_foreign, kind_of, r
 from haptic_teleop_sysid.logs.story import UNUSED
 from haptic_teleop_sysid.logs.suggest import propose
 
-HELP = "how to read logs that are no recordings (see `import --help`); not needed where headers say all"
-
 
 def open_recording(path: str | Path, mapping: str | Path | None = None) -> Recording:
     """Return a recording, or the one that `import` would make of a log (CSV, MATLAB, npz, Parquet, ROS bag).

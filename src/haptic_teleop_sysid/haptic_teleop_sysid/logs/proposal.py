@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from haptic_teleop_sysid.logs.log import Column, Log
 from haptic_teleop_sysid.logs.mapping import Entry, Mapping
+from haptic_teleop_sysid.logs.roles import Candidate
 
 FILL = "FILL IN"
 """What a mapping says where the user has to."""
@@ -39,6 +41,28 @@ class Doubt:
 
 
 @dataclass
+class Draft:
+    """The mapping of one ``joint`` ("" where no header names one) while it is made: ``found``: signal ->
+    Choice, ``chosen``: the candidates of those that have a column; ``opened`` and ``lacking`` as a Proposal's
+    ``doubts`` and ``lacking``."""
+
+    joint: str
+    found: dict[str, Choice] = field(default_factory=dict)
+    chosen: dict[str, Candidate] = field(default_factory=dict)
+    opened: list[Doubt] = field(default_factory=list)
+    lacking: list[str] = field(default_factory=list)
+
+    @property
+    def named(self) -> str:
+        """The joint as sentences name it."""
+        return self.joint or "the joint"
+
+    def doubt(self, text: str, signal: str = "") -> None:
+        """Leave something open about a signal of the joint."""
+        self.opened.append(Doubt(text, self.joint or "joint", signal))
+
+
+@dataclass
 class Proposal:
     """A mapping that was found: ``time`` (None where the log's own stamps count), ``joints``: name -> signal
     -> Choice; ``open``: what headers leave open, in sentences, ``doubts`` those of them that no entry tells
@@ -65,3 +89,15 @@ class Proposal:
         """The mapping that it proposes."""
         joints = {j: {n: c.entry for n, c in signals.items()} for j, signals in self.joints.items()}
         return Mapping(joints, None if self.time is None else self.time.entry, source=source)
+
+
+def entry_of(log: Log, column: Column) -> Entry:
+    """Return the entry of a column: by its name, or by its number where others have its name."""
+    if sum(c.name == column.name for c in log.columns) == 1:
+        return Entry(column.name)
+    return Entry(log.number(column), column.known)
+
+
+def left_over(rival: Candidate) -> str:
+    """Return what is said of an entry whose column was taken because a likelier one cannot be."""
+    return f"taken because {rival.column.unusable}"

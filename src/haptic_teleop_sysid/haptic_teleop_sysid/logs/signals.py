@@ -33,6 +33,7 @@ class Signal:
 
     @property
     def unit(self) -> str:
+        """The SI unit of the values."""
         return SI[self.quantity]
 
 

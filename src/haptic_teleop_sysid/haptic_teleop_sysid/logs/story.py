@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from haptic_teleop_control.errors import HapticTeleopError
+from haptic_teleop_sysid.report.terminal import say
 
 UNUSED = "columns that were not needed"
 """How a sentence on them begins."""
@@ -22,9 +23,7 @@ def how_read(experiment: Mapping[str, Any], name: str | Path) -> list[str]:
     return [str(line) for line in (*story.get("read", ()), *story.get("changes", ()))]
 
 
-def tell(
-    screen: Console, experiments: Mapping[str, Mapping[str, Any]], verbose: bool = False
-) -> None:
+def tell(screen: Console, experiments: Mapping[str, Mapping[str, Any]], verbose: bool = False) -> None:
     """Say once on a console, by what each log is called, how it was read: in one line, and what was done to
     it beyond reading its columns; ``verbose``: all that `import` tells."""
     for name, experiment in experiments.items():
@@ -35,7 +34,7 @@ def tell(
             more = [n for n in lines if n not in story["columns"] and not n.startswith(("read as", UNUSED))]
             lines = [f"read by {by}; -v tells how", *more]
         for line in lines:
-            screen.print(f"{name}: {line}", markup=False, highlight=False, soft_wrap=True)
+            say(screen, f"{name}: {line}")
 
 
 @contextmanager

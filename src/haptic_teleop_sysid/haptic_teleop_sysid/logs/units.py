@@ -120,6 +120,7 @@ class Unit:
 
     @property
     def quantity(self) -> str:
+        """What it measures, such as "torque"; "" where it is none that is known here."""
         return _QUANTITIES.get(self.powers, "")
 
     def __mul__(self, other: Unit) -> Unit:

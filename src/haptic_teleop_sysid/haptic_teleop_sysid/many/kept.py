@@ -10,6 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from haptic_teleop_control.errors import HapticTeleopError
 from haptic_teleop_sysid.estimation.parallel import by_itself
 from haptic_teleop_sysid.results import tool_version, write_json
@@ -41,6 +44,11 @@ def kept(folder: Path, key: str) -> dict[str, Any] | None:
     if not isinstance(found, dict) or found.get("key") != key or found.get("status") == FAILED:
         return None
     return found
+
+
+def numbers(values: Sequence[float | None]) -> NDArray[np.float64]:
+    """Return values (n,) of outcomes; NaN for those that JSON keeps as null."""
+    return np.array(values, dtype=np.float64)
 
 
 def attempt(

@@ -17,7 +17,7 @@ from haptic_teleop_sim.model import Model
 
 from .charts import Chart, Quantity, chart, first_outside
 from .folder import Listing, in_order
-from .kept import DONE
+from .kept import DONE, numbers
 from .limits import FEWEST
 
 #: s, what begins before is no date: a clock that was never set, a simulation, or a log that counts from zero.
@@ -44,6 +44,7 @@ class Point:
 
     @property
     def dated(self) -> bool:
+        """Whether its first stamp is a date."""
         return self.found["start_ns"] >= _FIRST_DATE * 10**9
 
     @property
@@ -159,7 +160,7 @@ def quantities_of(points: Sequence[Point]) -> list[Quantity]:
     found = []
     for name, first in points[0].found["parameters"].items():
         values, std = (
-            np.array([_number(p.found["parameters"][name][key]) for p in points]) for key in ("value", "std")
+            numbers([p.found["parameters"][name][key] for p in points]) for key in ("value", "std")
         )
         found.append(Quantity(name, str(first["unit"]), values, std))
     for name, pick in (
@@ -167,13 +168,9 @@ def quantities_of(points: Sequence[Point]) -> list[Quantity]:
         (ERROR, lambda f: f["error"]["estimate"]),
         (GIVEN_ERROR, lambda f: f["error"]["given"]),
     ):
-        values = np.array([_number(pick(p.found)) for p in points])
+        values = numbers([pick(p.found) for p in points])
         found.append(Quantity(name, "1", values, None, logarithmic=True))
     return found
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
 
 
 def _ordered(

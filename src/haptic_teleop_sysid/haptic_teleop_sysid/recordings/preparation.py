@@ -10,15 +10,12 @@ from typing import Literal
 import numpy as np
 import scipy
 import yaml
-from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.recordings.recorded_parameters import recorded_value
-
-Array = NDArray[np.float64]
 
 PEAK_SAMPLES = 5
 """First samples that an offset ignores, to reject a peak at the start (thesis 3.2.1)."""

@@ -45,6 +45,12 @@ class TimeGrid:
 
     @classmethod
     def of(cls, series: JointStateSeries, name: str) -> TimeGrid:
+        """Return the grid of a series; holes and samples behind a clock that was set back are not valid.
+        ``name`` is for sentences.
+
+        Raises RecordingError for fewer than ten usable samples, or where less than FEWEST_VALID of the time
+        was measured.
+        """
         # A message stamped not later than one before it adds nothing that can be placed in time.
         ahead = np.maximum.accumulate(series.stamp)
         keep = (

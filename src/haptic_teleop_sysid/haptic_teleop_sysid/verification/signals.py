@@ -26,16 +26,15 @@ MASTER_TOPIC, REFERENCE_TOPIC = "/omni/joint_states", "/reference"
 class StageRun:
     """One stage over a run, all arrays (n,) on the slave's sampling times.
 
-    time s since the first sample; desired_torque N·m (what the master asks for); master_position rad or None;
-    motor_position, arm_position rad; motor_velocity, arm_velocity rad/s; environment_torque N·m (of the robot
-    on its environment); current A, measured; commanded_current A or None.
+    time s since the first sample; desired_torque N·m (what the master asks for); motor_position,
+    arm_position rad; motor_velocity, arm_velocity rad/s; environment_torque N·m (of the robot on its
+    environment); current A, measured; commanded_current A or None.
     """
 
     stage: str
     settings: StageSettings
     time: Array
     desired_torque: Array
-    master_position: Array | None
     motor_position: Array
     arm_position: Array
     motor_velocity: Array
@@ -97,7 +96,7 @@ def _stage_run(
         else settings.stiffness * (motor_position - arm_position)
     )
     time = states.time()
-    desired, master, desired_from = _desired_torque(recording, states.stamp, stage, settings, name)
+    desired, desired_from = _desired_torque(recording, states.stamp, stage, settings, name)
     command = recording.topics.get(COMMAND_TOPIC)
     commanded = None
     if command is not None and motor in command.names and command.effort is not None:
@@ -110,7 +109,6 @@ def _stage_run(
         settings=settings,
         time=time,
         desired_torque=desired,
-        master_position=master,
         motor_position=motor_position,
         arm_position=arm_position,
         motor_velocity=_velocity(states, motor, motor_position, time),
@@ -130,19 +128,17 @@ def _velocity(states: JointStateSeries, joint: str, position: Array, time: Array
 
 def _desired_torque(
     recording: Recording, at: NDArray[np.int64], stage: str, settings: StageSettings, name: str
-) -> tuple[Array, Array | None, str]:
-    """The master's position times the torque gain; an effort on /reference is the desired torque itself."""
+) -> tuple[Array, str]:
+    """Desired torque, N·m, and where it is from: the master's position times the torque gain; an effort on
+    /reference is the desired torque itself."""
     axis = PAIRS[stage]
     joints = (axis, f"{stage}_motor", stage)
     reference = recording.topics.get(REFERENCE_TOPIC)
     if reference is not None and reference.effort is not None:
         for joint in joints:
             if joint in reference.names:
-                return (
-                    held(reference, reference.signal(joint, "effort"), at),
-                    None,
-                    f"{REFERENCE_TOPIC}, effort of {joint}",
-                )
+                torque = held(reference, reference.signal(joint, "effort"), at)
+                return torque, f"{REFERENCE_TOPIC}, effort of {joint}"
     # What the controller listened to; where nothing says, the artificial command if there was one.
     source = recorded_text(recording.parameters, "command_source", CONTROLLER)
     topics = [MASTER_TOPIC, REFERENCE_TOPIC] if source == "device" else [REFERENCE_TOPIC, MASTER_TOPIC]
@@ -161,7 +157,7 @@ def _desired_torque(
                 desired = settings.torque_gain * (position - settings.neutral)
                 limit = settings.desired_torque_limit
                 desired = np.clip(desired, -limit, limit)
-                return desired, position, f"{topic}, position of {joint} × {settings.torque_gain:g} N·m/rad"
+                return desired, f"{topic}, position of {joint} × {settings.torque_gain:g} N·m/rad"
     raise MismatchError(
         f"{name} holds neither {MASTER_TOPIC} nor {REFERENCE_TOPIC} with {axis}, so the desired torque of "
         f"{stage} is "

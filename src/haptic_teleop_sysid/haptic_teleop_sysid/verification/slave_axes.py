@@ -66,7 +66,6 @@ def read_axes(
             settings=_settings(recording.parameters, axis, law, side, number, given),
             time=states.time(),
             desired_torque=desired[:, number],
-            master_position=None,
             motor_position=position,
             arm_position=position,
             motor_velocity=velocity,

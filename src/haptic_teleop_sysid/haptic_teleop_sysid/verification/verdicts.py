@@ -17,7 +17,6 @@ SPEED_PERCENT = 10.0
 TORQUE_SHARE = 0.05
 OVERSHOOT_PERCENT = 30.0
 """The impact of stage 1 on a stiff wall gives 20 to 27 %."""
-RATE_SHARE = 0.01
 
 
 def verdicts(run: Run) -> list[tuple[Status, str]]:

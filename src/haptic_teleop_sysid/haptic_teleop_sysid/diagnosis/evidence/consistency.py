@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.estimation.records import Record
+from haptic_teleop_sysid.recordings.median_frequency import median_periods
 
 from ..inputs.scales import bridged
 from .inverse_dynamics.motion import low_passed
@@ -285,10 +286,7 @@ def _behind_a_lag(record: Record) -> float:
     what so many terms do by chance. Such an input is (1 + T d/dt) (J a + b v + k q), which is linear in
     angle, velocity, acceleration and jerk. 1 where the recording is too short to say."""
     angle = bridged(record.measured[:, 0])
-    rate = np.gradient(angle)
-    power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(len(angle)))) ** 2
-    middle = int(np.searchsorted(np.cumsum(power), 0.5 * np.sum(power)))
-    cut = max(_BANDWIDTH * middle, _PERIODS) / (len(angle) * record.dt)
+    cut = max(_BANDWIDTH * median_periods(np.gradient(angle)), _PERIODS) / (len(angle) * record.dt)
     cut = min(cut, _BAND, _SHARE / record.dt)
     motion = [low_passed(angle, record.dt, cut)]
     while len(motion) < _TERMS:
