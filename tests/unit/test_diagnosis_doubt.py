@@ -21,7 +21,7 @@ from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, off_the_mark
 from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.stand import Stand, stand_of, stands_out
-from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, in_steps, unsteadiness
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import colour, in_steps, unsteadiness
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.usable import records_of
@@ -178,8 +178,8 @@ def test_what_is_left_of_a_right_model_is_white_and_of_a_wrong_one_is_not():
     rng = np.random.default_rng(3)
     clean = recorded(STAGE, 0.1, 3)
     fit = fit_from_scratch(STAGE, [clean])
-    # Chi-square of LAGS degrees: mean LAGS, standard deviation sqrt(2 LAGS).
-    assert colour(fit, [clean]) < LAGS + 6.0 * np.sqrt(2.0 * LAGS)
+    # Chi-square of 25 degrees of freedom: mean 25, standard deviation 7.
+    assert colour(fit, [clean]) < 25.0 + 6.0 * 7.0
     steps = np.repeat(rng.choice([-1.0, 1.0], n // 5), 5)[: len(clean)]
     disturbed = replace(clean, measured=clean.measured + 3e-5 * np.column_stack([steps, steps]))
     assert colour(fit, [disturbed]) > 200.0
