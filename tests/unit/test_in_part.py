@@ -166,12 +166,12 @@ def test_a_constant_torque_stands_beside_something_where_it_is_most_of_what_is_m
         assert one["confidence"] <= 0.69
 
 
-@pytest.mark.parametrize("more", [-0.007, 0.4])
-def test_the_place_of_the_rest_is_that_of_a_torque_which_predicts_something(more):
+@pytest.mark.parametrize(("more", "told"), [(-0.007, "j_arm"), (0.4, "j_motor")])
+def test_the_place_of_the_rest_is_that_of_a_torque_which_predicts_something(more, told):
     where = [{"equation": "j_arm", "share": 0.8, "condition": "time", "intervals": []}]
     rest = SimpleNamespace(location="j_motor", quantities=("motor angle",))
     found = where_the_rest_is(Verdict("unknown", where, [], [], []), [SimpleNamespace(rest=rest, more=more)])
-    assert found.where[0]["equation"] == ("j_motor" if more > 0.0 else "j_arm")
+    assert found.where[0]["equation"] == told
     assert 0.0 <= found.where[0]["share"] <= 1.0
 
 
