@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import DRAG, DT, MODEL, borne_out, joint_record, unimpressed
 from identification_plants import STAGE, stage_recording
-from test_diagnosis_parts import DT, MODEL, joint_record
 
 import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
 from haptic_teleop_sim.model import Effect
@@ -28,8 +28,6 @@ from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.dataset import load_dataset
-
-DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
 
 
 def recorded(truth, rms, seed):
@@ -63,16 +61,6 @@ def _found(effect, estimation):
     fit = max(fits, key=lambda f: f.log_likelihood)
     choice = Choice(Explanation(fit, fit.log_likelihood - baseline.log_likelihood, 50.0, True, 0), 1.0)
     return SearchResult(baseline, fit, (choice,), (), recording_scales(STAGE, estimation))
-
-
-def unimpressed(model):
-    """A free simulation in which no model is better than another."""
-    return (90.0,)
-
-
-def borne_out(fit, so_far, effect):
-    """Free runs and torques that speak for everything."""
-    return True
 
 
 def test_the_right_name_stands(records):

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_events import STAGE, dataset
+from disturbed_stage import dataset
+from identification_plants import STAGE
 
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.late_channels import _nats, late_channels
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.motion import banded

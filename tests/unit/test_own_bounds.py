@@ -5,7 +5,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from test_diagnosis_parts import MODEL, fit_of
+from diagnosis_rigs import MODEL, fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.name_tests.at_bounds as own_bounds
 from haptic_teleop_sim.model import Effect
