@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,16 @@ from haptic_teleop_2dsfj.settings import SfjDriverSettings
 from haptic_teleop_control.clocks import VirtualClock
 from haptic_teleop_control.device import Reporter
 from haptic_teleop_control.faults import FaultLatch
+from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
+from haptic_teleop_control.parameters import ParameterTable
 from haptic_teleop_omni.build import ALL_FAULTS
 from haptic_teleop_omni.build import make_driver as make_omni_driver
 from haptic_teleop_omni.driver import OmniDriver
 from haptic_teleop_omni.layout import load_layout
 from haptic_teleop_omni.settings import OmniDriverSettings
 from haptic_teleop_omni.transports.emulated import EmulatedOmni
+
+COUNT, TORQUE_STEP = 4.1e-4, 2.5e-4  # rad, N·m: of the emulator's layout, docs/drivers.md
 
 UNSHAPED = {
     "ramp_time": 0.0,
@@ -35,6 +40,12 @@ UNSHAPED = {
 }
 """Parameters of `sfj_driver` with which a command flows at once, up to the motors' maximum, as in the
 simulated plant: for tests of something else."""
+
+
+def section(file: Path, table: ParameterTable) -> dict:
+    """All parameters of a node, of what the file says to it or to all."""
+    stated = parameters_for(load_parameter_file(file), table.node_name)
+    return table.check({key: value for key, value in stated.items() if key in table}, str(file))
 
 
 @dataclass

@@ -13,7 +13,7 @@ from numba import njit
 from stepped_machines import DT, ELASTIC, FINE, RIGID, drive, record
 
 from haptic_teleop_sim.model import Effect
-from haptic_teleop_sysid.diagnosis.decision.adequacy import NOT_SURE, Adequacy
+from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy
 from haptic_teleop_sysid.diagnosis.decision.name_tests.place import (
     at_its_place,
     at_the_map,
@@ -37,7 +37,6 @@ from haptic_teleop_sysid.diagnosis.evidence.measured_map import MeasuredMap, no_
 from haptic_teleop_sysid.diagnosis.evidence.residual import Condition
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.policy import NOT_LOWERED
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
 
 STIFFNESS, MOTOR, ARM = 20.0, (0.06, 0.3), (0.1, 0.1)
@@ -105,14 +104,21 @@ def test_beside_a_friction_at_the_motor_it_holds_once_that_is_allowed_for(machin
     assert min(beside, key=lambda place: beside[place]) == "arm_encoder", beside
 
 
-@pytest.mark.parametrize("place", ["arm", "joint"])
-@pytest.mark.parametrize("encoder", ["arm_encoder", "motor_encoder"])
-def test_a_torque_behind_the_motor_is_no_error_of_an_encoder(machines, encoder, place):
+@pytest.mark.parametrize(
+    ("encoder", "place", "elsewhere"),
+    [
+        ("arm_encoder", "arm", True),
+        ("arm_encoder", "joint", True),
+        ("motor_encoder", "arm", False),  # a spring at the arm takes a fifth of what that equation leaves
+        ("motor_encoder", "joint", True),
+    ],
+)
+def test_a_torque_behind_the_motor_is_no_error_of_an_encoder(machines, encoder, place, elsewhere):
     acting = ActingPlace(ELASTIC, machines(encoder), CUTOFF)
     assert acting.places == (encoder,)
     alone, beside = (acting.left(known)[encoder] for known in ((), [spring(place)]))
     assert beside < 2.0 * alone
-    assert acting.elsewhere(spring(place)) == (beside > NOT_LOWERED * alone)
+    assert acting.elsewhere(spring(place)) is elsewhere
 
 
 @pytest.mark.parametrize("place", ["motor", "arm", "joint"])
@@ -299,7 +305,7 @@ def test_friction_of_the_drive_is_told_with_its_size_whatever_acts_behind_it(mac
     assert [(f["effect"], f["location"]) for f in told] == [("coulomb_friction", "j_motor")] * (coulomb > 0)
     for one in told:
         assert one["parameters"]["torque"]["value"] == pytest.approx(coulomb, rel=0.02)
-        assert one["confidence"] == NOT_SURE and f"does not contain j_{place}" in one["because"]
+        assert one["confidence"] == 0.69 and f"does not contain j_{place}" in one["because"]
         again = replace(verdict, findings=told)
         assert with_drive_friction(again, acting, kinds, fit, Turning()) is again
         excluded = Turning(smooth=frozenset({("coulomb_friction", "j_motor")}))

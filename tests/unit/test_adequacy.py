@@ -27,7 +27,6 @@ from haptic_teleop_sysid.diagnosis.evidence.residual import _condition as condit
 from haptic_teleop_sysid.diagnosis.evidence.residual import shares
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
-from haptic_teleop_sysid.diagnosis.policy import MOST_BY_CHANCE
 from haptic_teleop_sysid.diagnosis.report.page_lead import _headline as headline
 from haptic_teleop_sysid.diagnosis.report.summary import explains_sentence, summary
 from haptic_teleop_sysid.estimation.whole_fit import fit_whole, noise_starts
@@ -269,7 +268,7 @@ def test_a_torque_larger_than_chance_is_not_random_beside_a_name_that_explains_l
     records = [pendulum(0, coulomb=coulomb)]
     bare = fitted_to(TRUE, records)
     little = fitted_to(TRUE.with_effects(rubbing(0.1 * coulomb)), records)
-    assert (left_size(little, records) <= MOST_BY_CHANCE) == random
+    assert (left_size(little, records) <= 0.06) == random
     found = adequacy(bare, little, records, (0.5, 0.5), (0.1, 0.1), random_left=True)
     assert found.torque < 0.5 and found.random_left == random
     most = fitted_to(TRUE.with_effects(rubbing(0.9 * coulomb)), records)

@@ -103,6 +103,14 @@ def test_no_module_is_longer_than_the_cap():
     assert {path: lines for path, lines in lengths.items() if lines > LONGEST_MODULE} == {}
 
 
+def test_nothing_is_imported_from_a_test_file():
+    """What several tests need lies in a helper, whose name does not begin with `test_`. Programs that tests
+    start, written out in them, are looked through, too."""
+    asked = re.compile(r"^\s*(?:from|import) +(?:\w+\.)*test_\w+", re.MULTILINE)
+    files = {path: path.read_text() for path in sources(REPOSITORY / "tests")}
+    assert [path.name for path, text in files.items() if asked.search(text)] == []
+
+
 def test_one_version_everywhere():
     versions = {path.name: manifest_of(path).findtext("version") for path in PACKAGES}
     versions["pyproject"] = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["version"]

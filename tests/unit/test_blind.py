@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from blind_rigs import BA, BM, FAKE, JA, JM, KT, K
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
@@ -32,7 +33,6 @@ from haptic_teleop_sysid.blind.sealing import SEALED, open_labels, seal
 from haptic_teleop_sysid.blind.slots import INDEX, empty
 from haptic_teleop_sysid.blind.summary import summarise, wilson
 
-KT, K, JM, BM, JA, BA = 8.925, 3.971, 0.0635, 2.6, 0.17, 0.02
 ROBOT = np.array([KT, K, JM, BM, JA, BA, 0.002, 1.534e-5, 2.462e-4, 0.94])
 
 
@@ -394,20 +394,6 @@ def test_what_is_not_named_or_clean_says_nothing_of_calibration() -> None:
     silent = {"kind": "single", "named": False, "confidence": None, "said": [], "truth": ["a @ b"]}
     found = calibration([silent, named(0.9, False, kind="clean")])
     assert (found["cases"], found["ece"], found["rows"]) == (0, None, [])
-
-
-FAKE = """
-import argparse, json, pathlib, sys
-p = argparse.ArgumentParser()
-for name in ("--model", "--estimation", "--validation", "--output"):
-    p.add_argument(name)
-a = p.parse_args()
-out = pathlib.Path(a.output)
-out.mkdir()
-kinds = [pathlib.Path(x).is_dir() for x in (a.estimation, a.validation)]
-assert all(kinds) and pathlib.Path(a.model).is_file()
-(out / "diagnosis.json").write_text(json.dumps({"verdict": "no_mismatch", "findings": []}))
-"""
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_blind import FAKE
+from blind_rigs import FAKE
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.recording import read_recording

@@ -1,7 +1,7 @@
 """What people would otherwise do, on a robot whose equations are known."""
 
 import numpy as np
-from test_blind import BA, BM, JA, JM, KT, K
+from blind_rigs import BA, BM, JA, JM, KT, K
 
 from haptic_teleop_sysid.blind import command
 from haptic_teleop_sysid.blind.baselines import sparse_regression

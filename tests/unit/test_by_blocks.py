@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
+from diagnosis_rigs import MODEL, explanation, fit_of, joint_record, result_of
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect
@@ -139,8 +139,6 @@ def test_a_confidence_is_no_higher_than_the_blocks_allow():
     ],
 )
 def test_a_limit_of_the_command_is_not_sure_where_the_input_may_be_the_current(name, numbers, unsure):
-    from test_policy import result_of
-
     limit = Choice(explanation(name, 200.0, 100.0, "actuator", **numbers), 1.0)
     log = SimpleNamespace(commanded_input=None)
     (held,), (read,) = (of_measured_input(result_of(limit), was, [log]).choices for was in (False, True))

@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, joint_record
+from diagnosis_rigs import MODEL, joint_record
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import contacts, starts
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import (
-    CONTACT_STARTS,
-    CONTACTS,
     recording_scales,
     within_reach,
 )
@@ -45,9 +43,9 @@ def test_contacts_scale_with_the_unit(record, factor):
     scales = recording_scales(in_unit(MODEL, factor), [in_units(record, factor)])
     travel = factor * np.ptp(record.measured[:, 0])
     tried = [e.parameters["contact_angle"] for e in contacts(FRICTION, scales)]
-    np.testing.assert_allclose(tried, np.array(CONTACT_STARTS) * travel)
+    np.testing.assert_allclose(tried, np.array([2e-6, 2e-5, 2e-4]) * travel)
     low, high = within_reach(MODEL, scales)[NAME]
-    np.testing.assert_allclose((low, high), np.array(CONTACTS) * travel)
+    np.testing.assert_allclose((low, high), np.array([1e-6, 1e-3]) * travel)
     assert all(low < t < high for t in tried)
     # The effect itself allows them.
     allowed = bounds(MODEL.with_effects(contacts(FRICTION, scales)[0]), (NAME,), within_reach(MODEL, scales))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
+from diagnosis_rigs import MODEL, explanation, fit_of, joint_record
 
 import haptic_teleop_sysid.diagnosis.decision.search.rounds as search_module
 from haptic_teleop_sim.model import Effect

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import DRAG, DT, MODEL, borne_out, joint_record, unimpressed
 from identification_plants import STAGE, stage_recording
-from test_diagnosis_parts import DT, MODEL, joint_record
 
 import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
 from haptic_teleop_sim.model import Effect
@@ -21,15 +21,13 @@ from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, off_the_mark
 from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.stand import Stand, stand_of, stands_out
-from haptic_teleop_sysid.diagnosis.evidence.whiteness import LAGS, colour, in_steps, unsteadiness
+from haptic_teleop_sysid.diagnosis.evidence.whiteness import colour, in_steps, unsteadiness
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales
 from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.estimation.records import record_from
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch, fit_whole, noise_starts
 from haptic_teleop_sysid.recordings.dataset import load_dataset
-
-DRAG = Effect("quadratic_drag", "stage1_motor", {"coefficient": 2.0})
 
 
 def recorded(truth, rms, seed):
@@ -63,16 +61,6 @@ def _found(effect, estimation):
     fit = max(fits, key=lambda f: f.log_likelihood)
     choice = Choice(Explanation(fit, fit.log_likelihood - baseline.log_likelihood, 50.0, True, 0), 1.0)
     return SearchResult(baseline, fit, (choice,), (), recording_scales(STAGE, estimation))
-
-
-def unimpressed(model):
-    """A free simulation in which no model is better than another."""
-    return (90.0,)
-
-
-def borne_out(fit, so_far, effect):
-    """Free runs and torques that speak for everything."""
-    return True
 
 
 def test_the_right_name_stands(records):
@@ -178,8 +166,8 @@ def test_what_is_left_of_a_right_model_is_white_and_of_a_wrong_one_is_not():
     rng = np.random.default_rng(3)
     clean = recorded(STAGE, 0.1, 3)
     fit = fit_from_scratch(STAGE, [clean])
-    # Chi-square of LAGS degrees: mean LAGS, standard deviation sqrt(2 LAGS).
-    assert colour(fit, [clean]) < LAGS + 6.0 * np.sqrt(2.0 * LAGS)
+    # Chi-square of 25 degrees of freedom: mean 25, standard deviation 7.
+    assert colour(fit, [clean]) < 25.0 + 6.0 * 7.0
     steps = np.repeat(rng.choice([-1.0, 1.0], n // 5), 5)[: len(clean)]
     disturbed = replace(clean, measured=clean.measured + 3e-5 * np.column_stack([steps, steps]))
     assert colour(fit, [disturbed]) > 200.0

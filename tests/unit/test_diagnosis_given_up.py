@@ -4,9 +4,8 @@ asked with the single doubts answered by lists."""
 from dataclasses import replace
 
 import pytest
+from diagnosis_rigs import DRAG, borne_out, fit_of, unimpressed
 from identification_plants import STAGE
-from test_diagnosis_doubt import DRAG, borne_out, unimpressed
-from test_diagnosis_parts import fit_of
 
 import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
 from haptic_teleop_sysid.diagnosis.decision.name_tests import objections

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, STEP, joint_record
+from diagnosis_rigs import MODEL, STEP, joint_record
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import MODEL, explanation, fit_of, joint_record
 from identification_plants import STAGE, stage_recording
-from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sim.kernel import pack

@@ -1,47 +1,19 @@
 """The parts of the diagnosis, each by itself: candidates, sizes, choice, and what a left-over torque depends
-on.  Recordings come from an integrator written here."""
+on."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import DT, MODEL, PARAMETERS, RIGID, coupled, fit_of, joint_record
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.evidence.residual import conditions, intervals
 from haptic_teleop_sysid.diagnosis.hypotheses.candidates import candidates, larger_starts
-from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.hypotheses.material import material
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
-from haptic_teleop_sysid.estimation.fit import Fit
-from haptic_teleop_sysid.estimation.noise import NoiseModel
-from haptic_teleop_sysid.estimation.records import Record
-
-DT = 0.002
-STEP = 1e-5
-PARAMETERS = {
-    "torque_constant": 8.925,
-    "stiffness": 3.971,
-    "motor_inertia": 0.0635,
-    "motor_damping": 2.6,
-    "arm_inertia": 0.17,
-    "arm_damping": 0.02,
-}
-MODEL = Model("sfj", "stage1", "flexible_joint", PARAMETERS, fixed=("stiffness", "torque_constant"))
-RIGID = Model(
-    "generic",
-    "j",
-    "rigid_body",
-    {n: PARAMETERS[n] for n in ("torque_constant", "motor_inertia", "motor_damping")},
-    fixed=("torque_constant",),
-    io={
-        "input": {"topic": "/plant/joint_states", "joint": "j", "field": "effort"},
-        "motor": {"topic": "/plant/joint_states", "joint": "j"},
-        "arm": None,
-    },
-)
-NOISE = NoiseModel(0.05, 0.02, 5e-6, 5e-6)
 
 #: The contract's vocabulary: where each effect may sit in a flexible joint.
 BODIES, ENCODERS = ("motor", "arm"), ("motor_encoder", "arm_encoder")
@@ -81,57 +53,6 @@ VOCABULARY = {
 }
 
 
-def joint_record(
-    seed,
-    seconds=8.0,
-    rms=0.25,
-    motor_torque=None,
-    arm_torque=None,
-    window=None,
-    name="made",
-    motor_friction=None,
-):
-    """A record of the flexible joint under random sines, integrated by the semi-implicit Euler rule at 50 us;
-    ``motor_torque`` and ``arm_torque`` are added torques as functions of the angle, N·m, ``motor_friction``
-    one of angle and speed.  ``window``: times in s in which the input is three times as large."""
-    rng = np.random.default_rng(seed)
-    time = DT * np.arange(int(seconds / DT))
-    input_ = np.zeros(len(time))
-    for f in (0.15, 0.4, 0.9, 1.7, 3.1):
-        input_ += rms * np.sqrt(2.0 / 5.0) * np.sin(2.0 * np.pi * (f * time + rng.uniform()))
-    if window is not None:
-        input_[(time >= window[0]) & (time < window[1])] *= 3.0
-    disturbance = 2e-3 * rng.standard_normal(len(time))
-    p, parts = PARAMETERS, 40
-    h = DT / parts
-    qm = qa = vm = va = 0.0
-    measured = np.empty((len(time), 2))
-    for i, u in enumerate(input_):
-        measured[i] = qm, qa
-        drive = p["torque_constant"] * float(u) + float(disturbance[i])
-        for _ in range(parts):
-            elastic = p["stiffness"] * (qm - qa)
-            tm = drive - elastic - p["motor_damping"] * vm
-            ta = elastic - p["arm_damping"] * va
-            if motor_torque is not None:
-                tm += motor_torque(qm)
-            if motor_friction is not None:
-                tm += motor_friction(qm, vm)
-            if arm_torque is not None:
-                ta += arm_torque(qa)
-            vm += h * tm / p["motor_inertia"]
-            va += h * ta / p["arm_inertia"]
-            qm += h * vm
-            qa += h * va
-    measured = np.rint(measured / STEP) * STEP
-    return Record(name, DT, input_, measured, np.zeros(len(time)), (STEP, STEP), at_rest=True)
-
-
-def fit_of(model=MODEL, log_likelihood=0.0):
-    """A fit with given parameters: nothing is estimated here."""
-    return Fit(model, NOISE, (), log_likelihood, np.zeros((0, 0)), np.zeros(0), True, 0, "as given")
-
-
 @pytest.fixture(scope="module")
 def clean():
     return [joint_record(1), joint_record(2, rms=0.35)]
@@ -140,13 +61,6 @@ def clean():
 @pytest.fixture(scope="module")
 def scales(clean):
     return recording_scales(MODEL, clean[:1])
-
-
-def coupled(record):
-    """The record with an acceleration of the other arm."""
-    return Record(
-        record.name, record.dt, record.input, record.measured, np.cos(record.input), record.resolution
-    )
 
 
 # candidates
@@ -323,14 +237,6 @@ def test_starts_lie_within_the_effects_bounds_however_large_the_recording():
             for name, value in start.parameters.items():
                 parameter = start.entry.parameter(name)
                 assert parameter.minimum <= value <= parameter.maximum, (start.effect, name)
-
-
-# explanations, for the tests of the choice
-
-
-def explanation(name, gain, held_out, place="motor", is_material=True, **parameters):
-    effect = Effect(name, f"stage1_{place}", parameters or {"torque": 0.1})
-    return Explanation(fit_of(MODEL.with_effects(effect)), gain, held_out, is_material, 0)
 
 
 # what is left over

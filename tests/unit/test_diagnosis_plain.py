@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, RIGID, fit_of, joint_record
+from diagnosis_rigs import MODEL, RIGID, fit_of, joint_record
 
 import haptic_teleop_sysid.diagnosis.starts.shadows as shadows_module
 from haptic_teleop_sim.effects import EFFECTS

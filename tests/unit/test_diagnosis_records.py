@@ -9,7 +9,6 @@ from identification_plants import STAGE, stage_recording
 from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.diagnosis.evidence.recorded_currents import Currents
 from haptic_teleop_sysid.diagnosis.evidence.shown_by_current import _starts, shown_by_current
-from haptic_teleop_sysid.diagnosis.inputs.cuts import SHORTEST_STRETCH
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
 from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable
 from haptic_teleop_sysid.recordings.dataset import load_dataset
@@ -38,13 +37,16 @@ def test_a_hole_cuts_a_recording_apart_and_what_happened_in_it_is_nobody_s_effec
     assert (len(first), len(second)) == (1200, len(data) - 1500)
     assert second.start == pytest.approx(data.start + 1500 * data.dt)
     assert np.isfinite(second.measured).all()
-    # Pieces that are too short to say anything are left out.
-    (only,) = records_of([holed(data, (SHORTEST_STRETCH - 100, SHORTEST_STRETCH - 50))])
-    assert len(only) == len(data) - SHORTEST_STRETCH + 50
+
+
+@pytest.mark.parametrize(("before", "pieces"), [(250, 2), (249, 1)])
+def test_pieces_that_are_too_short_to_say_anything_are_left_out(data, before, pieces):
+    found = records_of([holed(data, (before, before + 50))])
+    assert len(found) == pieces and len(found[-1]) == len(data) - before - 50
 
 
 def test_nothing_but_short_pieces_is_refused(data):
-    step = SHORTEST_STRETCH - 10
+    step = 240
     with pytest.raises(RecordingError, match="without a hole"):
         records_of([holed(data, *((k, k + 40) for k in range(step, len(data), step)))])
 

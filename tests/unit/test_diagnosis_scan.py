@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import DT, MODEL, coupled, explanation, joint_record
+from diagnosis_rigs import DT, MODEL, coupled, explanation, joint_record
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.finding import finding

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import DT, MODEL, NOISE, joint_record
 from stepped_machines import DT as STEP
 from stepped_machines import ELASTIC, RIGID, drive, record
-from test_diagnosis_parts import DT, MODEL, NOISE, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect

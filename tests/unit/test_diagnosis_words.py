@@ -5,7 +5,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from test_diagnosis_parts import MODEL, explanation, fit_of, joint_record
+from diagnosis_rigs import MODEL, explanation, fit_of, joint_record
 
 from haptic_teleop_sim.effects import EFFECTS, locations
 from haptic_teleop_sim.model import Effect

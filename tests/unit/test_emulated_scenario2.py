@@ -15,13 +15,12 @@ import numpy as np
 import pytest
 import yaml
 from board_wire import Wire
-from device_rigs import EmulatedPair
+from device_rigs import COUNT, TORQUE_STEP, EmulatedPair, section
 
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_control.device import ReadResult
 from haptic_teleop_control.node_tables import FORCE_CONTROLLER, SIGNAL_GENERATOR
-from haptic_teleop_control.parameter_files import load_parameter_file, parameters_for
-from haptic_teleop_control.parameters import ParameterTable
+from haptic_teleop_control.parameter_files import load_parameter_file
 from haptic_teleop_control.robots import STAGES
 from haptic_teleop_control.signals import SignalGenerator
 from haptic_teleop_control.teleoperation.coupling import Coupling
@@ -35,17 +34,10 @@ pytestmark = pytest.mark.long  # whole scenarios, sample by sample
 SIM = Path(__file__).parents[2] / "config" / "scenario2_sim.yaml"
 REAL = SIM.with_name("scenario2_real.yaml")
 DURATION = 16.0
-COUNT, TORQUE_STEP = 4.1e-4, 2.5e-4  # rad, N·m: of the emulator's layout, docs/drivers.md
 EDGE = COUNT * 2.0 * np.pi * 40.0 * np.exp(-0.9 * np.arccos(0.9) / np.sqrt(1.0 - 0.9**2))  # rad/s
 DESIRED, SURFACE, STIFFNESS = 0.2 * (0.52 - 0.02), 0.4, 200.0  # N·m, rad, N·m/rad: of the file
 # Seconds of the file's pattern, which begins at 4 s.
 FREE, CONTACT = slice(4400, 4700), slice(11000, 13900)
-
-
-def section(file: Path, table: ParameterTable) -> dict:
-    """All parameters of a node, of what the file says to it or to all."""
-    stated = parameters_for(load_parameter_file(file), table.node_name)
-    return table.check({key: value for key, value in stated.items() if key in table}, str(file))
 
 
 def through_the_drivers(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, NOISE, fit_of, joint_record
+from diagnosis_rigs import MODEL, NOISE, fit_of, joint_record
 
 from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Effect

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from identification_plants import multisine
+from disturbed_stage import CONSTANT, DT, RMS, TIME, dataset, fitted
+from identification_plants import STAGE, multisine
 from stepped_machines import RIGID, record, swing
-from test_diagnosis_events import CONSTANT, DT, RMS, STAGE, TIME, dataset, fitted
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence.fine_curve import _fine, _input, follows_input_finely

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 from joint_logs import DAMPING, HEADER, INERTIA, machine, mapping_file, plain_table, table
-from test_log_files import bag
+from log_bags import bag
 
 from haptic_teleop_control.errors import ConfigurationError, MismatchError, RecordingError
 from haptic_teleop_control.recording import read_recording

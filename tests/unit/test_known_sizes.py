@@ -86,9 +86,13 @@ def test_a_form_that_is_not_known_is_told_plainly():
 
 
 @pytest.mark.parametrize(
-    ("gain", "names"), [(8.0, ["coulomb_friction", "constant_torque"]), (1.0, ["coulomb_friction"])]
+    ("gain", "names", "weights"),
+    [
+        (8.0, ["coulomb_friction", "constant_torque"], [pytest.approx(1.0)]),
+        (1.0, ["coulomb_friction"], [0.6, 0.4]),
+    ],
 )
-def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_torque(gain, names):
+def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_torque(gain, names, weights):
     spring = Effect("spring_to_ground", "stage1_motor", {"stiffness": 3e-6, "rest": -296.0})
     before = second_method(FRICTION, spring, std={"coulomb_friction": 0.1})
     before.chosen.group.std["stage1_motor.spring_to_ground.stiffness"] = 3e-6
@@ -98,7 +102,7 @@ def test_what_is_known_of_a_spring_that_hardly_pulls_more_is_told_as_a_constant_
     assert kept(found)[0] == names
     # Sizing makes another group of the same names.
     after = with_known_sizes(found, lambda h: replace(h, group=replace(h.group)), lambda model: (0.4, 0.5))
-    assert [weight for _, weight in after.rivals] == ([pytest.approx(1.0)] if gain > 2.0 else [0.6, 0.4])
+    assert [weight for _, weight in after.rivals] == weights
 
 
 def test_sizes_that_free_runs_do_not_know_stay_those_of_the_torques():

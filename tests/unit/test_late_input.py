@@ -14,8 +14,6 @@ from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.kernel import simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.name_tests.late_input import (
-    LEAST_SAMPLES,
-    ONE_FOR_ALL,
     Late,
     _steady,
     with_lateness,
@@ -101,13 +99,19 @@ def test_an_input_on_time_is_what_acts_with_a_delay(samples):
     np.testing.assert_allclose(simulate(RIGID, moved.input, DT).motor_position, with_delay, atol=5e-5)
 
 
-def test_a_size_that_differs_from_stretch_to_stretch_is_no_lateness():
+@pytest.mark.parametrize(("share", "steady"), [(0.82, True), (0.78, False)])
+def test_a_size_that_differs_from_stretch_to_stretch_is_no_lateness(share, steady):
+    """One size for all gains a share of what each stretch gains by its own."""
     own = np.full(8, 20.0)
-    assert _steady(Along(np.full(8, 5.0), own, 0.95 * own))
-    assert not _steady(Along(np.full(8, 5.0), own, 0.9 * ONE_FOR_ALL * own))
-    objecting = np.array([*(0.99 * own[:6]), -10.0, -10.0])
-    assert not _steady(Along(np.full(8, 5.0), np.array([*own[:6], 1.0, 1.0]), objecting))
-    assert LEAST_SAMPLES >= 1.0, "half a sample lies between two ways to write a log"
+    assert _steady(Along(np.full(8, 5.0), own, share * own)) is steady
+
+
+@pytest.mark.parametrize(("loss", "steady"), [(5.5, True), (6.5, False)])
+def test_stretches_that_lose_by_it_object_together(loss, steady):
+    """Two stretches lose; all of them gain 122 by sizes of their own."""
+    own, shared = np.full(8, 20.0), np.full(8, 19.8)
+    own[6:], shared[6:] = 1.0, -loss
+    assert _steady(Along(np.full(8, 5.0), own, shared)) is steady
 
 
 def test_what_came_in_a_hole_is_not_known_later_either():

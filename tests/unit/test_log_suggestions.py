@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from joint_logs import HEADER, machine, mapping_file, plain_table, table
-from test_log_files import bag
+from log_bags import bag
 
 from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_sysid.commands.import_log import main

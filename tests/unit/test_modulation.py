@@ -18,8 +18,6 @@ from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
 from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.evidence import modulation
 from haptic_teleop_sysid.diagnosis.evidence.modulation import (
-    JUST_AFTER,
-    LONGEST_REST,
     RESTED,
     Modulation,
     changes_with,
@@ -180,9 +178,9 @@ def test_rests_are_counted_before_the_motion_that_follows():
     velocity[400:700] = 0.0  # longer than matters
     velocity[990:] = 0.0  # no motion follows
     expected = np.zeros(1000)
-    after = round(JUST_AFTER / 0.002)
-    expected[150 : 150 + after] = 0.1
-    expected[700 : 700 + after] = LONGEST_REST
+    # For 0.02 s, ten samples; the longer rest counts as one of 0.3 s.
+    expected[150:160] = 0.1
+    expected[700:710] = 0.3
     assert np.allclose(rested(velocity, 0.002), expected)
     assert not rested(np.ones(50), 0.002).any()
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 from identification_plants import AXIS, STAGE, axis_recording, stage_recording
+from simulated_recordings import recorded
 from stepped_machines import RIGID, pendulum
-from test_own_springs import recorded
 
 from haptic_teleop_2dsfj.settings import TABLE as SFJ_TABLE
 from haptic_teleop_control.acquisition import Acquisition

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from device_rigs import COUNT, section
 from openhaptics_rig import Emulation, HdRig
-from test_emulated_scenario2 import COUNT, section
 
 from haptic_teleop_2dsfj.board import Board
 from haptic_teleop_2dsfj.build import all_faults

@@ -5,18 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import MODEL, RIGID
 from scipy.linalg import expm
-from test_diagnosis_parts import MODEL, RIGID
+from simulated_recordings import DT, recorded
 
 from haptic_teleop_sim.kernel import pack, simulate
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.evidence.null_records import null_record
 from haptic_teleop_sysid.estimation.likelihood import innovations
 from haptic_teleop_sysid.estimation.noise import NoiseModel, linearised
-from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import _at, _equations, fit_from_scratch
 
-DT = 0.002
 HELD = replace(
     RIGID,
     parameters={"torque_constant": 1.0, "motor_inertia": 0.01, "motor_damping": 0.01},
@@ -24,17 +23,6 @@ HELD = replace(
 )
 #: Disturbances that the observer takes a long time to follow, as the search by simulation has them.
 SLOW = NoiseModel(0.01, 0.01, 1e-4, 1e-4, 0.5, 0.5)
-
-
-def recorded(model, seconds=20.0, rms=1.0, seed=1, dt=DT):
-    time = dt * np.arange(int(seconds / dt))
-    phases = np.random.default_rng(seed).uniform(0.0, 6.28, 8)
-    drive = rms * sum(
-        np.sin(2.0 * np.pi * f * time + p) for f, p in zip(np.linspace(0.3, 6.0, 8), phases, strict=True)
-    )
-    path = simulate(model, drive, dt)
-    measured = np.column_stack([np.rint(path.motor_position / 1e-4) * 1e-4, np.full(len(time), np.nan)])
-    return Record("made", dt, drive, measured, np.zeros(len(time)), (1e-4, 1e-4), at_rest=True)
 
 
 def test_the_observer_of_an_arm_on_a_spring_does_not_overflow():

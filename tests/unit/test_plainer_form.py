@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from test_diagnosis_parts import MODEL, joint_record
+from diagnosis_rigs import MODEL, joint_record
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sim.model import Effect

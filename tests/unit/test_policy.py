@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_diagnosis_parts import MODEL, explanation, fit_of
+from diagnosis_rigs import MODEL, explanation, fit_of, result_of
 
 import haptic_teleop_sysid.diagnosis.decision.name_tests.doubt as doubt_module
 import haptic_teleop_sysid.diagnosis.decision.search.explore as explore_module
@@ -21,7 +21,6 @@ from haptic_teleop_sysid.diagnosis.decision import coloured
 from haptic_teleop_sysid.diagnosis.decision.adequacy import Adequacy, short_of
 from haptic_teleop_sysid.diagnosis.decision.reasons import Doubt, more_than_chance
 from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice, choose, significant
-from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
 from haptic_teleop_sysid.diagnosis.decision.second_method.overruled import believed_instead
 from haptic_teleop_sysid.diagnosis.decision.second_method.torques_explained import inadequate
 from haptic_teleop_sysid.diagnosis.decision.where import structured
@@ -32,11 +31,6 @@ from haptic_teleop_sysid.diagnosis.report.columns import Number, moved
 
 FOLDER = Path(policy.__file__).parent
 FRICTION = Effect("coulomb_friction", "stage1_motor", {"torque": 0.1})
-
-
-def result_of(*choices, last_round=()):
-    final = choices[-1].chosen.fit if choices else fit_of()
-    return SearchResult(fit_of(), final, choices, last_round, SimpleNamespace(size={"torque": 1.0}))
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import butter, sosfiltfilt
-from stepped_machines import DT, RIGID, drive, pendulum, record, two_masses
-from test_adequacy import ELASTIC
+from stepped_machines import DT, ELASTIC, RIGID, drive, pendulum, record, two_masses
 
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.every_hypothesis import hypotheses
 from haptic_teleop_sysid.diagnosis.evidence.inverse_dynamics.folds import Fold

@@ -6,20 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+from message_series import SECOND, START, TYPE, series
 
 from haptic_teleop_control.errors import RecordingError
-from haptic_teleop_control.recording import JointStateSeries, RecordingWriter, read_recording, write_recording
+from haptic_teleop_control.recording import RecordingWriter, read_recording, write_recording
 from haptic_teleop_control.recording.joint_state_cdr import encode
 from haptic_teleop_control.recording.recover import main as recover
-
-TYPE = "sensor_msgs/msg/JointState"
-START = 1_700_000_000_000_000_000
-SECOND = 1_000_000_000
-
-
-def series(n):
-    stamp = START + np.arange(n) * (SECOND // 20)  # 20 Hz, so that a chunk of one second is small
-    return JointStateSeries(stamp, stamp + 1000, ("j",), np.arange(n, dtype=float)[:, None] + 0.25)
 
 
 def small_bag(path, compression=""):
@@ -142,7 +134,8 @@ def test_a_missing_metadata_file_is_told(tmp_path):
 
 WRITER = f"""
 import sys, time
-from test_recording_damage import series, encode
+from message_series import series
+from haptic_teleop_control.recording.joint_state_cdr import encode
 from haptic_teleop_control.recording import RecordingWriter
 one = series(2000)
 about = {{"parameters": {{"/n": {{"k": 1}}}}, "experiment": {{"kind": "x"}}}}

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from haptic_teleop_sysid.estimation.records import LONGEST_HOLE
-from haptic_teleop_sysid.recordings.seldom_read import MOST, seldom_read
+from haptic_teleop_sysid.estimation.records import records_from
+from haptic_teleop_sysid.recordings.dataset import DataSet
+from haptic_teleop_sysid.recordings.seldom_read import seldom_read
 from haptic_teleop_sysid.recordings.time_grid import TimeGrid
 
 TIME = 0.005 * np.arange(4000)
@@ -52,9 +53,17 @@ def test_a_joint_that_rests_repeats_its_angle_by_itself():
 
 
 def test_what_is_read_so_seldom_does_not_cut_a_record():
-    assert MOST + 1 <= LONGEST_HOLE
-    read = in_steps(ANGLE, 1e-3)[(np.arange(4000) // MOST) * MOST]
-    assert np.max(np.diff(np.flatnonzero(~seldom_read(read)))) <= LONGEST_HOLE
+    angle = in_steps(ANGLE, 1e-3)[(np.arange(4000) // 4) * 4]
+    angle[seldom_read(angle)] = np.nan
+    assert np.mean(np.isnan(angle)) == pytest.approx(0.75, abs=0.02)
+    speed, valid = np.gradient(ANGLE, TIME), np.ones(4000, dtype=np.bool_)
+    data = DataSet("made", "generic", "j", 0.005, ANGLE, "N*m", "measured", angle, speed, valid=valid)
+    (record,) = records_from(data)
+    assert len(record) > 3990
+
+
+def test_what_is_read_more_seldom_still_is_left_to_who_recorded_it():
+    assert not seldom_read(in_steps(ANGLE, 1e-3)[(np.arange(4000) // 5) * 5]).any()
 
 
 def test_single_precision_makes_no_other_steps():

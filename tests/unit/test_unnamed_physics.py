@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from own_joint import DT, TRUTH, moved
+from own_joint import DT, TRUTH
+from own_joint_records import LAB, errors_of, records
 
 import haptic_teleop_sim.effects
 from haptic_teleop_sim.kernel import simulate
@@ -24,22 +25,6 @@ from haptic_teleop_sysid.diagnosis.report.page_map import map_picture
 from haptic_teleop_sysid.estimation.records import Record
 from haptic_teleop_sysid.estimation.whole_fit import fit_from_scratch
 from haptic_teleop_sysid.recordings.parameter_units import Units
-
-LAB = Model(
-    "sfj", "stage1", "flexible_joint",
-    {n: v * (1.0 if n in ("torque_constant", "stiffness") else 1.08) for n, v in TRUTH.items()},
-    fixed=("stiffness", "torque_constant"),
-)  # fmt: skip
-
-
-def records(law, *numbers, **options):
-    both = []
-    for seed in (11, 12):
-        current, angles = moved(seed, law, *numbers, **options)
-        both.append(
-            Record(f"made {seed}", DT, current, angles, np.zeros(len(current)), (1e-4, 2e-4), at_rest=True)
-        )
-    return [both[:1], both[1:]]
 
 
 def baseline(learn):
@@ -69,15 +54,6 @@ def test_an_effect_is_found_by_name_with_its_sizes(law, numbers, effect, place, 
 def test_neither_is_found_where_nothing_is_hidden():
     learn, judge = records(0, seconds=7.0)
     assert search(LAB, baseline(learn), learn, judge).choices == ()
-
-
-def errors_of(learn, judge):
-    def one(model, record):
-        shown = simulate(model, record.input, DT).states[:, :2]
-        apart = np.linalg.norm(shown - record.measured, axis=0)
-        return float(np.mean(apart / np.linalg.norm(record.measured - record.measured.mean(axis=0), axis=0)))
-
-    return lambda model: (one(model, learn[0]), one(model, judge[0]))
 
 
 def measured(law, *numbers, **options):

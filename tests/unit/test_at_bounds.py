@@ -5,9 +5,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from test_diagnosis_parts import MODEL, fit_of
+from diagnosis_rigs import MODEL, fit_of
 
-import haptic_teleop_sysid.diagnosis.decision.name_tests.at_bounds as own_bounds
+import haptic_teleop_sysid.diagnosis.decision.name_tests.at_bounds as at_bounds
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.name_tests.at_bounds import within_bounds
 from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
@@ -65,7 +65,7 @@ def test_a_size_or_a_moment_at_the_end_of_what_is_possible(effect, bound, stays)
 
 def test_the_others_stay(monkeypatch):
     rest = fit_of(MODEL.with_effects(FRICTION))
-    monkeypatch.setattr(own_bounds, "without", lambda result, effect, records: rest)
+    monkeypatch.setattr(at_bounds, "without", lambda result, effect, records: rest)
     after, doubt = within_bounds(result(FRICTION, LOAD, at_bound=("stage1_motor.payload_change.time",)), [])
     assert names(after) == ["coulomb_friction"] and doubt is None and after.final is rest
     assert [one.found.effect.effect for one in after.given_up] == ["payload_change"]

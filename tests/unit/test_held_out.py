@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_rigs import fit_of
 from hypothesis import given
 from hypothesis import strategies as st
 from identification_plants import STAGE, stage_recording
-from test_diagnosis_parts import fit_of
 
 from haptic_teleop_sim.kernel import pack
 from haptic_teleop_sysid.diagnosis.evidence.certainty import known_beside

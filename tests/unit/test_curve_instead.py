@@ -7,8 +7,8 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from test_policy import explanation, result_of
-from test_unnamed_physics import LAB, errors_of, records
+from diagnosis_rigs import explanation, result_of
+from own_joint_records import LAB, errors_of, records
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.name_tests.curve_instead import outdone
