@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
+from haptic_teleop_sysid.report.terminal import say
+
 #: Seconds between two lines, during the first minute and from then on; and of the status on a terminal.
 OFTEN, SELDOM, LIVE = 10.0, 30.0, 1.0
 _FIRST_MINUTE = 60.0
@@ -79,7 +81,7 @@ class RunProgress:
             if self._console.is_terminal:
                 self._status.update(Text(self.line()))
             else:
-                self._console.print(self.line(), markup=False, highlight=False, soft_wrap=True)
+                say(self._console, self.line())
 
     def _pause(self) -> float:
         if self._console.is_terminal:

@@ -150,9 +150,9 @@ def moved_sentence(content: dict[str, Any]) -> str:
         given, again = (_mean(content["fit"][model]["validation"]) for model in ("given", "baseline"))
         if again - given > WORSE:
             return (
-                f"Re-estimated, your structure simulates better ({given:.1f} -> {again:.1f} %), but none of its "
-                "parameters alone is off beyond its uncertainty and 5 %: hold one that is known, such as the "
-                "torque constant or an inertia (`fixed`), and the others show."
+                f"Re-estimated, your structure simulates better ({given:.1f} -> {again:.1f} %), but none of "
+                "its parameters alone is off beyond its uncertainty and 5 %: hold one that is known, such as "
+                "the torque constant or an inertia (`fixed`), and the others show."
             )
         return "None of your parameters is off beyond its uncertainty and 5 %."
     numbers = ", ".join(moved_words(m) for m in found)
