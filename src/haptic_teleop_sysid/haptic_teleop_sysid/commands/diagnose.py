@@ -145,7 +145,7 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="BAG",
         help="recordings that are only simulated: neither fitted to nor used to choose (default: last third "
-        "of a validation recording of at least 60 s)",
+        "of the validation, where that is 60 s or longer)",
     )
     parser.add_argument(
         "--output",

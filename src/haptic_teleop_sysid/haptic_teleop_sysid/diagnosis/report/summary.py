@@ -193,4 +193,5 @@ def _at_bounds(content: dict[str, Any]) -> Iterator[str]:
     for name, p in content["models"]["augmented"]["parameters"].items():
         if p["at_bound"] is not None and name not in told:
             number = with_error(p["value"], None, p["unit"])
-            yield f"{name.replace('_', ' ')} {number} is {LIMIT[p['at_bound']]}"
+            unit = ": see whether the input has its unit" if name == "torque_constant" else ""
+            yield f"{name.replace('_', ' ')} {number} is {LIMIT[p['at_bound']]}{unit}"
