@@ -435,4 +435,6 @@ def test_the_terminal_says_where_what_has_no_name_is_before_the_names_beside_it(
     # Amperes in place of newton metres are a torque constant as large as the search may make it.
     highest = {"torque_constant": {"value": 71.4, "unit": "N*m/A", "at_bound": "highest"}}
     told = summary({**content, "models": {"augmented": {"parameters": highest}}})
-    assert "torque constant 71.4 N·m/A is the highest value allowed: see whether the input has its unit" in told
+    assert (
+        "torque constant 71.4 N·m/A is the highest value allowed: see whether the input has its unit" in told
+    )

@@ -85,6 +85,11 @@ def test_efforts_of_different_units_contradict_each_other(data):
     assert "another unit" in with_contradictions(milliamperes).problems[-1]
 
 
+def test_an_arm_that_never_moves_beside_its_motor_is_said(data):
+    dead = with_contradictions(replace(data, arm_position=np.zeros(len(data))))
+    assert "its encoder is dead, or the arm is held" in dead.problems[-1]
+
+
 def test_a_recording_under_another_name_proves_nothing(data):
     other = load_dataset(stage_recording(seed=4, seconds=6.0), STAGE)
     refuse_copies([data, other])

@@ -1,6 +1,7 @@
 """The simulated robots seen from outside: what the drivers of the real ones would report and do."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -307,3 +308,18 @@ def test_the_omni_starts_where_it_is_put():
     position, velocity, _ = robot.sense()
     assert position[2] == pytest.approx(0.3, abs=OMNI_RESOLUTION)
     assert np.abs(velocity).max() < 1e-9
+
+
+@pytest.mark.parametrize(("where", "delay"), [("actuator", 0.013), ("motor_encoder", -0.011)])
+def test_stamps_that_no_running_robot_has_are_refused_and_a_late_encoder_is_not(where, delay):
+    """They were left out without a word, and `compare` simulated another machine than the plant."""
+
+    def with_skew(place: str, delay: float) -> SfjSettings:
+        skew = Effect("channel_skew", f"stage1_{place}", {"delay": delay})
+        stage = stage_hardware("stage1")
+        return SfjSettings(stage1=replace(stage, model=stage.model.with_effects(skew)))
+
+    told = f"channel_skew at stage1_{where} is an error of a recording's stamps"
+    with pytest.raises(ModelError, match=told):
+        with_skew(where, delay)
+    with_skew("motor_encoder", 0.011)

@@ -44,12 +44,21 @@ def choose_model(
 
 
 def check_joint(model: Model, joint: str) -> Model:
-    """`model`; ModelError when it is one of another joint."""
+    """`model`; ModelError when it is one of another joint, or when it has what no running robot can have: a
+    reading from the future, or a current that is recorded at another time than it is measured."""
     if model.joint != joint:
         raise ModelError(
             f"{model.source}: this is a model of {model.joint}, where one of {joint} is needed; "
             f"give that one, or leave {joint}.model empty for the built-in model."
         )
+    for effect in model.effects:
+        early = effect.entry.kind == "skew" and any(value < 0.0 for value in effect.values.values())
+        if early or (effect.entry.kind == "skew" and effect.location == model.location("actuator")):
+            raise ModelError(
+                f"{model.source}: {effect.effect} at {effect.location} is an error of a recording's stamps, "
+                "and a running robot has none: take it out of the model that a plant simulates; "
+                "`compare` takes the model as it is."
+            )
     return model
 
 

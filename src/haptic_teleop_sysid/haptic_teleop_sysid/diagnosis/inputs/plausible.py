@@ -173,7 +173,16 @@ def _tells(angle: NDArray[np.float64]) -> bool:
 
 
 def with_contradictions(dataset: DataSet) -> DataSet:
-    """The data set whose problems also say that commanded and measured effort cannot have one unit."""
+    """The data set whose problems also say that commanded and measured effort cannot have one unit, and that
+    an arm's reading never changes while its motor moves."""
+    arm, motor = dataset.arm_position, dataset.motor_position
+    travel = float(np.nanmax(motor) - np.nanmin(motor))
+    if arm is not None and travel > 0.0 and float(np.nanmax(arm) - np.nanmin(arm)) == 0.0:
+        problem = (
+            f"the arm's angle never changes while the motor moves by {travel:.3g} {dataset.position_unit}: its "
+            "encoder is dead, or the arm is held; leave the channel out, or give a model of what moves"
+        )
+        dataset = replace(dataset, problems=(*dataset.problems, problem))
     if dataset.commanded_input is None or dataset.input_source != "measured effort":
         return dataset
     command, measured = (float(np.nanstd(v)) for v in (dataset.commanded_input, dataset.input))
