@@ -179,8 +179,8 @@ def with_contradictions(dataset: DataSet) -> DataSet:
     travel = float(np.nanmax(motor) - np.nanmin(motor))
     if arm is not None and travel > 0.0 and float(np.nanmax(arm) - np.nanmin(arm)) == 0.0:
         problem = (
-            f"the arm's angle never changes while the motor moves by {travel:.3g} {dataset.position_unit}: its "
-            "encoder is dead, or the arm is held; leave the channel out, or give a model of what moves"
+            f"the arm's angle never changes while the motor moves by {travel:.3g} {dataset.position_unit}: "
+            "its encoder is dead, or the arm is held; leave the channel out, or give a model of what moves"
         )
         dataset = replace(dataset, problems=(*dataset.problems, problem))
     if dataset.commanded_input is None or dataset.input_source != "measured effort":
