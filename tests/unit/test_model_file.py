@@ -53,6 +53,8 @@ BAD = {
     "wrong joint": (changed(["joint"], "stage3"), "stage1, stage2"),
     "joint of the other robot": (changed(["joint"], "omni_y"), "stage1, stage2"),
     "wrong robot": (changed(["robot"], "sfi"), "sfj, omni or generic"),
+    "a joint that is a path": (changed(["joint"], "../elsewhere"), "give a name that is no path"),
+    "a joint without a name": (changed(["joint"], ".."), "give a name that is no path"),
     "wrong structure": (changed(["structure"], "rigid"), "flexible_joint or rigid_body"),
     "unknown parameter": (changed(["parameters", "stifness"], 1.0), "did you mean 'stiffness'"),
     "missing parameter": (changed(["parameters", "arm_inertia"], None), "'arm_inertia' is missing"),

@@ -2,6 +2,7 @@
 compression."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -338,3 +339,20 @@ def test_the_sample_recordings_are_whole_and_even(shared_data):
         assert recording.experiment["kind"]
         for name, one in recording.topics.items():
             assert bag_problems(one, name).problems == ()
+
+
+def test_what_a_recording_says_of_itself_is_json_for_any_reader(tmp_path):
+    """`Infinity`, which Python writes, is no JSON: other readers refuse the whole of it."""
+    parameters = {"/sfj/sfj_sim": {"wall": math.inf, "below": [-math.inf, 0.5], "none": math.nan, "on": True}}
+    with RecordingWriter(tmp_path / "bag", parameters=parameters):
+        pass
+    text = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
+    text = text["rosbag2_bagfile_information"]["custom_data"]["haptic_teleop.parameters"]
+
+    def refused(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    json.loads(text, parse_constant=refused)
+    read = read_recording(tmp_path / "bag").parameters["/sfj/sfj_sim"]
+    assert read["wall"] == math.inf and read["below"] == [-math.inf, 0.5]
+    assert math.isnan(read["none"]) and read["on"] is True

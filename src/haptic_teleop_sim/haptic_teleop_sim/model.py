@@ -230,9 +230,15 @@ def model_from_mapping(content: object, source: str = "the model") -> Model:
         raise ModelError(f"{source}: 'effects' and 'fixed' must be lists")
     if not isinstance(content["parameters"], Mapping):
         raise ModelError(f"{source}: 'parameters' must map names to numbers")
+    joint = "" if content["joint"] is None else str(content["joint"])
+    if joint.strip(". ") == "" or any(c in "/\\" or not c.isprintable() for c in joint):
+        raise ModelError(
+            f"{source}: joint is {joint!r}; give a name that is no path, because results lie in a directory "
+            "of that name"
+        )
     return Model(
         robot=str(content["robot"]),
-        joint="" if content["joint"] is None else str(content["joint"]),
+        joint=joint,
         structure=str(content["structure"]),
         parameters=dict(content["parameters"]),
         fixed=tuple(str(f) for f in fixed),
@@ -276,11 +282,6 @@ def _check(model: Model) -> None:
     if model.robot in JOINTS and model.joint not in JOINTS[model.robot]:
         raise ModelError(
             f"{source}: joint is {model.joint!r}; robot {model.robot} has {', '.join(JOINTS[model.robot])}"
-        )
-    if model.joint.strip(". ") == "" or any(c in "/\\" or not c.isprintable() for c in model.joint):
-        raise ModelError(
-            f"{source}: joint is {model.joint!r}; give a name that is no path, because results lie in a "
-            "directory of that name"
         )
     if model.structure not in STRUCTURES:
         raise ModelError(f"{source}: structure is {model.structure!r}; give {' or '.join(STRUCTURES)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,7 @@ def describe(bag: Bag) -> dict[str, dict[str, Any]]:
             value = json.loads(text)
             if not isinstance(value, dict):
                 raise ValueError
-            result[key] = value
+            result[key] = _numbers(value)
         except (TypeError, ValueError):
             bag.problems.append(
                 f"{bag.path / METADATA}: {SELF_DESCRIPTION}.{key} is no JSON object and is passed over"
@@ -151,3 +152,16 @@ def _custom_in(text: str) -> dict[str, str]:
     except (yaml.YAMLError, KeyError, TypeError):
         return {}
     return custom if isinstance(custom, dict) else {}
+
+
+#: Numbers that JSON does not have, as the writer states them.
+_NO_JSON = {".inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
+
+
+def _numbers(part: Any) -> Any:
+    """Plain data in which these are numbers again."""
+    if isinstance(part, dict):
+        return {key: _numbers(one) for key, one in part.items()}
+    if isinstance(part, list):
+        return [_numbers(one) for one in part]
+    return _NO_JSON.get(part, part) if isinstance(part, str) else part
