@@ -33,7 +33,8 @@ class Record:
     otherwise the observer is given time to find out, beginning with the angles first read, and ``offsets``,
     rad, and the speeds ``rates`` of motor and arm, rad/s. ``start``: s, time of the first sample, from which
     effects that depend on time count. ``moment`` (n,): of the input within each sample, in its unit times s²
-    (see `acting`), where it is the mean of one that changed faster.
+    (see `acting`), where it is the mean of one that changed faster. ``input_noise``: rms of what a measured
+    input scatters by from sample to sample, in its unit; 0 of a command.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Record:
     rates: tuple[float, float] = (0.0, 0.0)
     moment: FloatArray | None = None
     offsets: tuple[float, float] = (0.0, 0.0)
+    input_noise: float = 0.0
 
     def __len__(self) -> int:
         return len(self.input)
@@ -120,6 +122,7 @@ def record_from(data: DataSet, commanded: bool = False) -> Record:
     in a closed loop), otherwise the measured one.  ``commanded`` takes the command wherever it was
     recorded: then what the actuator makes of it is part of what has to be explained.
     """
+    noise = _scatter(data.input) if data.commanded_input is None else 0.0
     data = with_trusted_input(data, commanded)
     measured = np.full((len(data), 2), np.nan)
     measured[:, 0] = data.motor_position
@@ -136,7 +139,15 @@ def record_from(data: DataSet, commanded: bool = False) -> Record:
         np.ascontiguousarray(exogenous),
         _resolution(data, measured),
         start=data.start,
+        input_noise=noise,
     )
+
+
+def _scatter(values: FloatArray) -> float:
+    """Rms of the white noise in values (n,) of a smooth signal, or of one in steps: of third differences,
+    whose variance is 20 times that of the noise, the median, which steps do not move."""
+    third = np.abs(np.diff(values[np.isfinite(values)], 3))
+    return 1.4826 * float(np.median(third)) / np.sqrt(20.0) if len(third) else 0.0
 
 
 def records_from(data: DataSet, at_rest: bool = False, commanded: bool = False) -> list[Record]:

@@ -30,6 +30,8 @@ _STEPS = 15
 #: Factor over what any of so many simulated recordings has, from which large sums of innovations are not the
 #: encoders': of one flexible joint whose arm rests for a second they have from 0.4 to 6.9.
 _BEYOND_ROUNDING, _SIMULATED = 1.5, 12
+#: Factor that makes nothing of the fitted random torques.
+_NEXT_TO_NOTHING = 1e-6
 
 
 def expected_colour(fit: Fit, records: Sequence[Record]) -> float:
@@ -43,6 +45,15 @@ def null_records(fit: Fit, records: Sequence[Record], seed: int = 0) -> list[Rec
     it is asked with one seed."""
     generator = np.random.default_rng(seed)
     return [null_record(fit, disturbed_as(fit, r), r, generator) for r in records]
+
+
+def with_noisy_input(fit: Fit, records: Sequence[Record]) -> list[Record]:
+    """A recording of the fitted model for each, in which nothing acts that is not in it, and whose input is
+    recorded with as much noise as there."""
+    generator = np.random.default_rng(0)
+    nothing = fit.noise.scaled(motor_torque=_NEXT_TO_NOTHING, arm_torque=_NEXT_TO_NOTHING)
+    made = [null_record(fit, nothing, r, generator) for r in records]
+    return [replace(m, input=m.input + m.input_noise * generator.standard_normal(len(m))) for m in made]
 
 
 def rounding_shows(found: Explanation, before: Fit, records: Sequence[Record]) -> bool:
