@@ -76,6 +76,14 @@ def test_positions_and_velocities_are_the_recorded_ones_under_their_names():
     assert np.array_equal(signals["stage1_motor.velocity"], recorded[:, 0])
 
 
+@pytest.mark.parametrize("stated", [0.0, -8.925, "abc", None, np.inf])
+def test_a_torque_constant_that_cannot_be_is_refused_and_not_replaced_without_a_word(stated):
+    with pytest.raises(
+        RecordingError, match=r"sfj_driver: stage1\.torque_constant is .*leave it out for 8\.925"
+    ):
+        load_dataset(made(parameters={"/sfj/sfj_driver": {"stage1": {"torque_constant": stated}}}), MODEL)
+
+
 def test_a_torque_constant_stated_by_the_recording_replaces_the_nominal_one():
     dataset = load_dataset(
         made(parameters={"/sfj/sfj_driver": {"stage1": {"torque_constant": 17.85}}}), MODEL

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,7 +25,7 @@ from haptic_teleop_sysid.recordings.motion import (
     motion,
     without_wrong_readings,
 )
-from haptic_teleop_sysid.recordings.recorded_parameters import recorded_units, recorded_value
+from haptic_teleop_sysid.recordings.recorded_parameters import first_stated, recorded_units
 from haptic_teleop_sysid.recordings.slips import Slip
 from haptic_teleop_sysid.recordings.time_grid import GAP_PERIODS, NS, TimeGrid
 
@@ -257,7 +258,17 @@ def _of_other_arm(channels: Channels, grid: TimeGrid, model: Model, damage: Dama
 
 
 def _torque_constant(recording: Recording, model: Model) -> float:
-    """Nominal N·m/A of the recorded effort: what the recording says, else the contract's number."""
-    keys = (f"{model.joint}.torque_constant",)
-    found = recorded_value(recording.parameters, keys, ("sfj_driver", "sfj_sim", "force_controller"))
-    return found[0] if found is not None and found[0] > 0.0 else SFJ_STAGES[model.joint].torque_constant
+    """Nominal N·m/A of the recorded effort: what the recording says, else the nominal number of the stage.
+
+    Raises RecordingError for one that cannot be."""
+    keys, nominal = (f"{model.joint}.torque_constant",), SFJ_STAGES[model.joint].torque_constant
+    stated = first_stated(recording.parameters, keys, ("sfj_driver", "sfj_sim", "force_controller"))
+    if stated is None:
+        return nominal
+    value, where = stated
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
+        raise RecordingError(
+            f"{recording.path}: {where} is {value!r}: correct it in haptic_teleop.parameters of its "
+            f"metadata.yaml, or leave it out for {nominal:g} N·m/A."
+        )
+    return float(value)

@@ -32,6 +32,14 @@ def recorded_value(
     return None
 
 
+def first_stated(
+    parameters: Mapping[str, Any], keys: Sequence[str], nodes: Sequence[str] = ()
+) -> tuple[Any, str] | None:
+    """Return (value, "node: key") of the first of `keys` that a node states, whatever it is, or None; nodes
+    are asked as by `recorded_value`."""
+    return next(_stated(parameters, keys, nodes), None)
+
+
 def recorded_units(experiment: Mapping[str, Any], joint: str) -> dict[str, str]:
     """Return the units of a joint's "position" and "input": those that an imported recording states, else
     rad and N*m."""
