@@ -79,7 +79,7 @@ def test_positions_and_velocities_are_the_recorded_ones_under_their_names():
 @pytest.mark.parametrize("stated", [0.0, -8.925, "abc", None, np.inf])
 def test_a_torque_constant_that_cannot_be_is_refused_and_not_replaced_without_a_word(stated):
     with pytest.raises(
-        RecordingError, match=r"sfj_driver: stage1\.torque_constant is .*leave it out for 8\.925"
+        RecordingError, match=r"sfj_driver: stage1\.torque_constant is .*leave it out everywhere for 8\.925"
     ):
         load_dataset(made(parameters={"/sfj/sfj_driver": {"stage1": {"torque_constant": stated}}}), MODEL)
 

@@ -64,7 +64,10 @@ def test_what_is_off_is_told_with_its_error_and_what_is_right_is_not(fitted):
     assert "motor inertia 0.0508 -> 0.06" in sentence and "± " in sentence
 
 
-@pytest.mark.parametrize(("given", "told"), [(97.7, "None of your parameters is off"), (74.4, "hold one")])
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [(97.7, "None of your parameters is off"), (74.4, "hold one"), (-np.inf, "better (-100.0 -> 97.8 %)")],
+)
 def test_a_fit_that_rises_with_no_parameter_off_asks_for_one_that_is_known(given, told):
     """With nothing held all torques may grow alike: none of the parameters is off beyond its uncertainty, and
     the re-estimated ones simulate far better."""
@@ -73,7 +76,7 @@ def test_a_fit_that_rises_with_no_parameter_off_asks_for_one_that_is_known(given
         "verdict": "no_mismatch",
         "augmented_model": {"holds": "baseline"},
         "fit": {
-            "given": {"validation": {"motor.velocity": given, "arm.velocity": None}},
+            "given": {"validation": {"motor.velocity": given, "arm.velocity": np.nan}},
             "baseline": {"validation": {"motor.velocity": 97.8, "arm.velocity": 97.8}},
         },
     }

@@ -274,7 +274,8 @@ def test_a_name_that_explains_little_of_what_its_quantities_do_is_given_up():
     doubt = inadequate(result, second_method, lambda m: (0.5, 0.5))
     assert doubt is not None and doubt.choice is choice
     assert "coulomb_friction explains" in doubt.why
-    # A searched that simulates far worse with the same names knows the structure too badly to judge them.
+    # A second method that simulates far worse with the same names knows the structure too badly to judge
+    # them.
     assert inadequate(result, second_method, lambda m: (0.1, 0.1) if m is named.model else (0.5, 0.5)) is None
 
 

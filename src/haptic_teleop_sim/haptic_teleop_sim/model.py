@@ -231,10 +231,10 @@ def model_from_mapping(content: object, source: str = "the model") -> Model:
     if not isinstance(content["parameters"], Mapping):
         raise ModelError(f"{source}: 'parameters' must map names to numbers")
     joint = "" if content["joint"] is None else str(content["joint"])
-    if joint.strip(". ") == "" or any(c in "/\\" or not c.isprintable() for c in joint):
+    inside = all(part.strip() not in ("", ".", "..") for part in joint.split("/"))
+    if not inside or "\\" in joint or not joint.isprintable():
         raise ModelError(
-            f"{source}: joint is {joint!r}; give a name that is no path, because results lie in a directory "
-            "of that name"
+            f"{source}: joint is {joint!r}; give the joint's name: results lie in a directory of that name"
         )
     return Model(
         robot=str(content["robot"]),
@@ -303,7 +303,8 @@ def _check(model: Model) -> None:
         seen.add((effect.effect, effect.location))
     signals = sorted(other_signals(model))
     if signals and (model.robot == "generic" or model.joint not in ("stage1", "stage2")):
-        follows = next(e.effect for e in model.effects if e.entry.exogenous or e.table is not None)
+        asked = (e for e in model.effects if e.entry.exogenous or _of_the_other(e))
+        follows = next(f"{e.effect} at {e.location}" for e in asked)
         raise ModelError(
             f"{source}: {follows} follows another joint, which only the stages of the 2DSFJ have; give "
             "a quantity of this joint"
@@ -326,10 +327,14 @@ def other_signals(model: Model) -> set[str]:
     """What the model's effects ask of the robot's other joint: ``other_arm_acceleration``, ``other_angle``,
     ``other_velocity``."""
     found = {e.entry.exogenous for e in model.effects}
-    for e in model.effects:
-        if e.table is not None:
-            found |= {v for v in e.table.variables if v.startswith("other_")}
-    return found - {""}
+    return found.union(*map(_of_the_other, model.effects)) - {""}
+
+
+def _of_the_other(effect: Effect) -> set[str]:
+    """The variables of a map that are another joint's."""
+    return (
+        {v for v in effect.table.variables if v.startswith("other_")} if effect.table is not None else set()
+    )
 
 
 def _check_table(model: Model, effect: Effect) -> None:

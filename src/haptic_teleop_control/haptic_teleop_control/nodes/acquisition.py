@@ -28,7 +28,7 @@ class AcquisitionNode(HapticNode):
     TOPICS = (
         "subscribes sfj/joint_states or omni/joint_states    each state is answered",
         "publishes  sfj/effort_command or omni/effort_command  N·m, zero but for the chosen joint",
-        "publishes  reference        the signal: current, torque (effort) or position",
+        "publishes  reference        the signal: the torque at the joint (effort, N·m) or its position",
         "subscribes /diagnostics     whether the robot has a fault of its own",
         "service    ~/reset          std_srvs/Trigger: leave a fault; an experiment that ended stays so",
     )

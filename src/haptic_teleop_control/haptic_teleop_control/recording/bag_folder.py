@@ -132,7 +132,7 @@ def describe(bag: Bag) -> dict[str, dict[str, Any]]:
             value = json.loads(text)
             if not isinstance(value, dict):
                 raise ValueError
-            result[key] = _numbers(value)
+            result[key] = _numbers(value) if key.startswith("parameters") else value
         except (TypeError, ValueError):
             bag.problems.append(
                 f"{bag.path / METADATA}: {SELF_DESCRIPTION}.{key} is no JSON object and is passed over"

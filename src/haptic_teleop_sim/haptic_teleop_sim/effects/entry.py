@@ -56,7 +56,7 @@ class EffectEntry:
     recording was taken: diagnosis fits it where another effect calls for it and never reports it as missing
     physics. A ``momentary`` effect may show at one moment of a recording only. What is ``of_command`` lies
     between a command and the current: a measured current shows what is left already. ``unnamed`` physics is
-    not in the contract's table: where it explains more than any name, the verdict is `unknown`.
+    not in the table of effects: where it explains more than any name, the verdict is `unknown`.
     ``motor_of_rigid_body``: the motor is its place where nothing hangs on a joint. ``needs``: what a
     recording must have for the effect to show, in words. ``tabulated``: its numbers are a `TorqueMap` beside
     the parameters, which is held fixed, and ``compiled`` (value, and value with derivatives) evaluates it.

@@ -29,7 +29,7 @@ def effect_entry(name: str, source: str = "the model") -> EffectEntry:
 
 
 def locations(name: str, structure: str) -> tuple[str, ...]:
-    """Where the effect may sit in a structure: places such as ``motor`` (contract: a rigid body has only the
+    """Where the effect may sit in a structure: places such as ``motor`` (a rigid body has only the
     motor, its actuator and its encoder)."""
     entry = effect_entry(name)
     if structure == "rigid_body":

@@ -1,4 +1,4 @@
-"""Physics beyond the contract's table, kept as rivals to what has a name.
+"""Physics beyond the table of effects, kept as rivals to what has a name.
 
 A name is only as good as what it was compared with.  Where one of these explains recordings clearly better
 than every named effect, the diagnosis says `unknown` and describes it, instead of giving the name that comes

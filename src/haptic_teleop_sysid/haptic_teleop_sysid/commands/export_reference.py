@@ -48,7 +48,7 @@ class Reference(Protocol):
         ...
 
     def fit(self, model: Model) -> Fits:
-        """Return the contract's fit of a model of that joint."""
+        """Return the fit, in percent, of a model of that joint."""
         ...
 
     def described(self) -> dict[str, Any]:

@@ -41,7 +41,7 @@ class Channel:
 class Channels:
     """Everything a data set is made of. `states` (on `topic`) gives the time base.
 
-    `measured_late`: the measured effort of a sample is what acted before it, as drivers of the contract
+    `measured_late`: the measured effort of a sample is what acted before it, as this project's drivers
     report it.
     """
 

@@ -269,6 +269,6 @@ def _torque_constant(recording: Recording, model: Model) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
         raise RecordingError(
             f"{recording.path}: {where} is {value!r}: correct it in haptic_teleop.parameters of its "
-            f"metadata.yaml, or leave it out for {nominal:g} N·m/A."
+            f"metadata.yaml, or leave it out everywhere for {nominal:g} N·m/A."
         )
     return float(value)

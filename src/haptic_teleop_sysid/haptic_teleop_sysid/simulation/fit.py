@@ -1,4 +1,4 @@
-"""How well a model's simulated response matches a recording: the contract's fit, in percent, and the error in
+"""How well a model's simulated response matches a recording: the fit, in percent, and the error in
 units.
 
     fit = 100 · (1 − ‖y − ŷ‖ / ‖y − mean(y)‖)

@@ -1,4 +1,4 @@
-"""What a scenario was run with: from the recording itself, from the command line, or the contract's nominal
+"""What a scenario was run with: from the recording itself, from the command line, or the nominal
 numbers.
 """
 

@@ -114,7 +114,7 @@ class Adequacy:
             "its free runs, and of what parity equations leave, that is explained; no confidence is above "
             f"the share of the size, 1 - sqrt(1 - the smallest one), nor, where that is less than {SURE:g}, "
             f"above {NOT_SURE:g}. recovered: what names of the inverse dynamics explain, as a share of what "
-            f"torques without a law do; where 1 - sqrt(1 - recovered) is less than {SURE:g}, none is above "
+            f"free curves do; where 1 - sqrt(1 - recovered) is less than {SURE:g}, none is above "
             f"{NOT_SURE:g}; nor where the names explain nearly all the torque in the band of the motion, but "
             "not all that predictions of the next sample ask for",
             "torque": round(self.torque, 3),

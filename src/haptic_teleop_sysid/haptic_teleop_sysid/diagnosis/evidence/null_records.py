@@ -40,11 +40,14 @@ def expected_colour(fit: Fit, records: Sequence[Record]) -> float:
     return colour(fit, null_records(fit, records))
 
 
-def null_records(fit: Fit, records: Sequence[Record], seed: int = 0) -> list[Record]:
-    """A recording of the fitted model for each, with disturbances as large as there; the same ones whenever
-    it is asked with one seed."""
+def null_records(
+    fit: Fit, records: Sequence[Record], seed: int = 0, levels: Sequence[NoiseModel] = ()
+) -> list[Record]:
+    """A recording of the fitted model for each, with disturbances as large as there (``levels``, where they
+    are known); the same ones whenever it is asked with one seed."""
     generator = np.random.default_rng(seed)
-    return [null_record(fit, disturbed_as(fit, r), r, generator) for r in records]
+    levels = levels or [disturbed_as(fit, r) for r in records]
+    return [null_record(fit, noise, r, generator) for noise, r in zip(levels, records, strict=True)]
 
 
 def with_noisy_input(fit: Fit, records: Sequence[Record]) -> list[Record]:
@@ -187,8 +190,10 @@ def heavy_tailed(fits: Sequence[tuple[Fit, Sequence[Record]]]) -> int | None:
     found = {key: ratio for key, ratio in heaviness(fits).items() if ratio > 1.0}
     if not found:
         return None
+    levels = [[disturbed_as(fit, r) for r in records] for fit, records in fits]
+    pairs = [(*pair, of_it) for pair, of_it in zip(fits, levels, strict=True)]
     made = [
-        heaviness([(fit, null_records(fit, records, seed)) for fit, records in fits])
+        heaviness([(fit, null_records(fit, records, seed, of_it)) for fit, records, of_it in pairs])
         for seed in range(_SIMULATED)
     ]
     most = {key: max(ratios.get(key, 0.0) for ratios in made) for key in found}

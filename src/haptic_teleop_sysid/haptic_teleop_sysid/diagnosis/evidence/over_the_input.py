@@ -40,8 +40,8 @@ def over_the_input(
     cutoff: float,
 ) -> bool:
     """Whether beside what is ``named`` and dry friction a curve over the input explains LEAST_EXPLAINED of
-    the torque that is missing, where it was not fitted, and leaves less by HOLDS_TOO (rms) than any torque
-    without a form over the motion. Not over time: any shape comes again in time. False where the arithmetic
+    the torque that is missing, where it was not fitted, and leaves less by HOLDS_TOO (rms) than any free
+    curve over the motion. Not over time: any shape comes again in time. False where the arithmetic
     fails."""
     try:
         search = Search(model, *(equations(model, kind, cutoff) for kind in (estimation, validation)))

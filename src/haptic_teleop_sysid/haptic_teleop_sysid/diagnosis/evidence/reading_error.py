@@ -86,8 +86,8 @@ def reading_error(
 ) -> ReadingError | None:
     """The error of a rigid joint's encoder beside what is ``named``, over the travel of all recordings (where
     those of the estimation do not go, it goes on as straight as it can, and is judged); where it explains
-    LEAST_EXPLAINED of what is missing on those of the validation, leaves less by HOLDS_BETTER than any torque
-    without a form, is likelier by CLEARLY than any curve of the inertia, and does not fold the angle. None
+    LEAST_EXPLAINED of what is missing on those of the validation, leaves less by HOLDS_BETTER than any free
+    curve, is likelier by CLEARLY than any curve of the inertia, and does not fold the angle. None
     where it does not, and of a flexible joint, whose place parity equations tell."""
     if not model.rigid:
         return None

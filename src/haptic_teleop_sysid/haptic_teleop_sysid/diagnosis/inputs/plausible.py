@@ -153,8 +153,8 @@ def _shared(one: DataSet, other: DataSet) -> bool:
 
 
 def _alike_around(short: DataSet, long: DataSet, start: int, first: int) -> float:
-    """Travel of the stretch with one angle and one input in both data sets that begins by `_PROBE` samples
-    from ``start`` of the one and ``first`` of the other on, or lies around them; 0 where these differ."""
+    """Travel of the longest stretch around the `_PROBE` samples from ``start`` of the one and ``first`` of
+    the other in which both have the same angles and inputs; 0 where they differ within these samples."""
     before, after = min(start, first), min(len(short) - start, len(long) - first)
     here, there = slice(start - before, start + after), slice(first - before, first + after)
     angle = short.motor_position[here]

@@ -127,7 +127,7 @@ def _ceiling(verdict: Verdict, surest: float) -> str:
         return f"{limited} most of the torque that {named} leaves follows the {found.follows.quantity}."
     if found.explains_nearly_all and not found.recovers_nearly_all:
         return (
-            f"{limited} a torque without a law explains more, as a whole or in the quantities of one of the "
+            f"{limited} a free curve explains more, as a whole or in the quantities of one of the "
             f"findings, of which these have {100 * found.recovered:.0f} % (mean square)."
         )
     return f"{limited} {named} explains {100 * found.least:.1f} % (mean square) of what is missing."

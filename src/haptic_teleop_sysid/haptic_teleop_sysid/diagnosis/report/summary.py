@@ -11,6 +11,7 @@ from haptic_teleop_sysid.report.numbers import with_error
 from ..decision.adequacy import NEARLY_ALL
 from ..decision.unknown.at_the_actuator import WITH_THE_INPUT
 from ..decision.words import acts, chance_sentence
+from ..evidence.proof import LOWEST
 from ..policy import WORSE
 
 PART_LABELS = {
@@ -161,9 +162,10 @@ def moved_sentence(content: dict[str, Any]) -> str:
     return f"Beside what is missing, your parameters are off: {numbers}."
 
 
-def _mean(fits: Mapping[str, float | None]) -> float:
-    """Of the fits of all signals, %; what runs away counts as none of it."""
-    known = [f for f in fits.values() if f is not None and f == f]
+def _mean(fits: Mapping[str, float]) -> float:
+    """Of the fits of all signals, %, as `Proof.mean` has it: one that runs away counts as LOWEST, one of a
+    signal that does not change not at all."""
+    known = [max(f, LOWEST) for f in fits.values() if f == f]
     return sum(known) / len(known) if known else 0.0
 
 

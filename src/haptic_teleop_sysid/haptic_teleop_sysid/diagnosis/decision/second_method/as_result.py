@@ -1,4 +1,4 @@
-"""The second method as a result like any other."""
+"""The second method's answer as a result like any other."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ def as_result(
     errors: Errors,
     simulated: Simulated,
 ) -> tuple[SearchResult, Doubt | None]:
-    """The second method as a search's result, and the doubt where its name explains too little; ``errors``,
+    """The second method's answer as a search's result, and the doubt where its name explains too little;
+    ``errors``,
     ``simulated``: see `free_run_sizes`."""
     assert second_method.chosen is not None
     # The sizes are those of runs as long as the reported ones.

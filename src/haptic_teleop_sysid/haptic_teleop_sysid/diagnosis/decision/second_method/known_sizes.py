@@ -16,10 +16,10 @@ from ..finding import size_known
 def with_known_sizes(
     second_method: SecondMethod, sized: Callable[[JudgedGroup], JudgedGroup], errors: Errors
 ) -> SecondMethod:
-    """The second method, its sizes ``sized``, without effects whose size is not known to LEAST_KNOWN: the
-    least known one is told in its plainer form, where that is in a group beside the same others, or left out,
-    and the others are sized anew, until all are known or one is left. Sizes that free runs do not know stay
-    those of the torques, where these know them. ``errors``: of free runs."""
+    """The second method's answer with its sizes ``sized`` and without effects whose size is not known to
+    LEAST_KNOWN: the least known one is told in its plainer form, where that is in a group beside the same
+    others, or left out, and the others are sized anew, until all are known or one is left. Sizes that free
+    runs do not know stay those of the torques, where these know them. ``errors``: of free runs."""
     assert second_method.chosen is not None
 
     def known_sizes(before: JudgedGroup) -> JudgedGroup:
@@ -72,7 +72,7 @@ def _instead(second_method: SecondMethod, group: Group, index: int) -> Group | N
 
 
 def _in_its_place(second_method: SecondMethod, gone: Group, group: Group) -> SecondMethod:
-    """The second method in which a group has the weight of one that says the same, too, and the other has
+    """The answer in which a group has the weight of one that says the same, too, and the other has
     none."""
     names, gone_names = named_by(group), named_by(gone)
     others = [

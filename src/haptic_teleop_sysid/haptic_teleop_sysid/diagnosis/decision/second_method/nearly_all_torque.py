@@ -21,7 +21,7 @@ from ..adequacy import SLIGHT_ERROR
 def nearly_all_torque(
     searched: SearchedGroups, errors: Errors, before: Sequence[tuple[float, float]]
 ) -> SecondMethod | None:
-    """The second method that chooses, of the groups that gain most for their number of effects, the one with
+    """The answer that chooses, of the groups that gain most for their number of effects, the one with
     the fewest of which holds: together they explain NEARLY_ALL_TORQUE of what any torque does, and NEARLY_ALL
     of what is missing, each of them LEAST_EXPLAINED of what the others leave; beside them no free curve
     explains STRUCTURED of the rest, or, where that holds of no group, they explain NEARLY_ALL_TORQUE of

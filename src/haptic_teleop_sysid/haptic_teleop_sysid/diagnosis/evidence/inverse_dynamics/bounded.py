@@ -1,5 +1,5 @@
-"""Least squares of a few numbers within bounds, from products of columns: compiled, because a searched asks
-for thousands of such solutions, each of less than ten numbers.
+"""Least squares of a few numbers within bounds, from products of columns: compiled, because a group search
+asks for thousands of such solutions, each of less than ten numbers.
 
 An active set (Lawson and Hanson, Solving Least Squares Problems, 1974, ch. 23; Stark and Parker,
 Computational Statistics 10, 1995): numbers beyond their bounds are held there, and one is let go again when

@@ -28,7 +28,7 @@ Chosen = tuple[Hypothesis, ...]
 FORM = 0.005
 #: Log-likelihood by which a free curve must exceed an effect to speak against it.
 CLEARLY = 12.0
-#: Share of an effect's torque (mean square) up to which one without a form may miss its shape.
+#: Share of an effect's torque (mean square) up to which a free curve may miss its shape.
 SHAPED = 0.2
 #: Change of an effect's torque over a recording, relative to it, up to which it is one and the same.
 STEADY = 1e-6

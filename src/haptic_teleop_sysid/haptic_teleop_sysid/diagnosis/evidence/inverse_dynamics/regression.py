@@ -80,7 +80,7 @@ class Equations:
         return len(self.target)
 
     def torque(self, term: Term) -> FloatArray:
-        """Torques (n, columns) of an effect or of one without a form, by unit size."""
+        """Torques (n, columns) of an effect or of a free curve, by unit size."""
         return self._known.of(
             term, lambda: np.concatenate([term.columns(m, self.model) for m in self.motions])
         )

@@ -60,8 +60,8 @@ class SearchedGroups:
     BEAM of each at most; ``cutoff``: Hz.
 
     ``recoverable``: share of what the structure alone leaves of the torques (mean square, stretches of all
-    recordings that were not fitted, because these torques say nothing of where they were not) that torques
-    without a form explain, at most MOST_FREE_CURVES of them, or the best group: what any explanation could
+    recordings that were not fitted, because these torques say nothing of where they were not) that free
+    curves explain, at most MOST_FREE_CURVES of them, or the best group: what any explanation could
     reach; ``free_curves``: these torques; ``folds`` answers further questions on such stretches, and
     ``kinds`` on either kind of recordings."""
 
