@@ -428,40 +428,6 @@ def test_what_gains_far_more_than_chance_and_only_here_is_something_unknown(reco
     assert doubted(nothing, *quiet, unimpressed, borne_out)[1] is None
 
 
-@pytest.mark.parametrize(("torque", "unknown"), [(0.0, False), (0.3, True)])
-def test_what_noise_of_a_measured_current_makes_an_effect_gain_is_nothing_unknown(records, torque, unknown):
-    """Without a command effects follow the noise of the current: that was an alarm on clean joints."""
-    kinds = []
-    for seed in (7, 8):
-        recording = stage_recording(seed=seed, seconds=10.0, rms=0.15, band=(0.2, 4.0), disturbance=0.0)
-        record = record_from(load_dataset(recording, STAGE), commanded=True)
-        noise = 0.05 * float(np.sqrt(np.mean(record.input**2)))
-        sensed = record.input + noise * np.random.default_rng(seed).standard_normal(len(record))
-        hidden = torque * np.std(record.input) * np.sin(6.0 * record.dt * np.arange(len(record)))
-        kinds.append([replace(record, input=sensed - hidden, input_noise=noise)])
-    baseline = fit_from_scratch(STAGE, kinds[0])
-    tried = replace(found(DRAG, records[0]).choices[0].chosen, gain=45.0, held_out=-50.0)
-    result = SearchResult(baseline, baseline, (), (tried,), recording_scales(STAGE, kinds[0]))
-    _, doubt, _ = doubted(result, *kinds, unimpressed, borne_out)
-    assert (doubt is not None) == unknown
-
-
-def test_a_fast_input_without_noise_is_not_taken_for_noise(records):
-    """A log's input may be the command itself, with frequencies up to a fifth of its rate."""
-    kinds = []
-    for seed in (7, 8):
-        recording = stage_recording(seed=seed, seconds=10.0, rms=0.15, band=(0.2, 100.0), disturbance=0.0)
-        data = load_dataset(recording, STAGE)
-        record = record_from(replace(data, input=data.commanded_input, commanded_input=None))
-        assert record.input_noise > 0.1 * np.std(record.input)
-        hidden = 0.03 * np.std(record.input) * np.sin(6.0 * record.dt * np.arange(len(record)))
-        kinds.append([replace(record, input=record.input - hidden)])
-    baseline = fit_from_scratch(STAGE, kinds[0])
-    tried = replace(found(DRAG, records[0]).choices[0].chosen, gain=45.0, held_out=-50.0)
-    result = SearchResult(baseline, baseline, (), (tried,), recording_scales(STAGE, kinds[0]))
-    assert doubted(result, *kinds, unimpressed, borne_out)[1] is not None
-
-
 def test_innovations_of_many_encoder_steps_are_not_coloured_by_rounding(monkeypatch, records):
     result = found(DRAG, records[0])
     both = [(result.baseline, records[0]), (result.baseline, records[1])]
