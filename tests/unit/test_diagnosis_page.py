@@ -374,13 +374,13 @@ def test_a_small_effect_beside_random_torque_is_told_what_holds_it_down():
     assert "(mean square) of what is missing" not in html
 
 
-def test_a_name_beside_which_a_torque_without_a_law_explains_more_is_told_so():
+def test_a_name_beside_which_a_free_curve_explains_more_is_told_so():
     page = Page("t")
     outdone = Adequacy(torque=1.0, free_run=1.0, recovered=0.7)
     answer = verdict("identified", [finding(outdone.surest)], adequacy=outdone)
     reasons(page, answer, content(), [])
     html = page.render()
-    assert "limited to 69 %: a torque without a law explains more" in html
+    assert "limited to 69 %: a free curve explains more" in html
     assert "have 70 % (mean square)" in html
     assert "of what is missing" not in html
 
