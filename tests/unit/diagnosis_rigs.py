@@ -4,6 +4,7 @@ written here, and fits, explanations and results of a search in which nothing wa
 from types import SimpleNamespace
 
 import numpy as np
+from plants import FLEXIBLE
 
 from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.diagnosis.decision.search.rounds import SearchResult
@@ -14,20 +15,12 @@ from haptic_teleop_sysid.estimation.records import Record
 
 DT = 0.002
 STEP = 1e-5
-PARAMETERS = {
-    "torque_constant": 8.925,
-    "stiffness": 3.971,
-    "motor_inertia": 0.0635,
-    "motor_damping": 2.6,
-    "arm_inertia": 0.17,
-    "arm_damping": 0.02,
-}
-MODEL = Model("sfj", "stage1", "flexible_joint", PARAMETERS, fixed=("stiffness", "torque_constant"))
+MODEL = Model("sfj", "stage1", "flexible_joint", FLEXIBLE, fixed=("stiffness", "torque_constant"))
 RIGID = Model(
     "generic",
     "j",
     "rigid_body",
-    {n: PARAMETERS[n] for n in ("torque_constant", "motor_inertia", "motor_damping")},
+    {n: FLEXIBLE[n] for n in ("torque_constant", "motor_inertia", "motor_damping")},
     fixed=("torque_constant",),
     io={
         "input": {"topic": "/plant/joint_states", "joint": "j", "field": "effort"},
@@ -59,7 +52,7 @@ def joint_record(
     if window is not None:
         input_[(time >= window[0]) & (time < window[1])] *= 3.0
     disturbance = 2e-3 * rng.standard_normal(len(time))
-    p, parts = PARAMETERS, 40
+    p, parts = FLEXIBLE, 40
     h = DT / parts
     qm = qa = vm = va = 0.0
     measured = np.empty((len(time), 2))

@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from plants import FLEXIBLE
 
 from haptic_teleop_control.recording import Recording
 from haptic_teleop_sim.experiments import run_closed_loop, run_open_loop
@@ -19,14 +20,7 @@ STAGE = Model(
     "sfj",
     "stage1",
     "flexible_joint",
-    {
-        "torque_constant": 8.925,
-        "stiffness": 3.971,
-        "motor_inertia": 0.0635,
-        "motor_damping": 2.6,
-        "arm_inertia": 0.17,
-        "arm_damping": 0.02,
-    },
+    FLEXIBLE,
     fixed=("stiffness",),
 )
 AXIS = Model(

@@ -5,20 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from plants import FLEXIBLE
 from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter
 
 from haptic_teleop_control.recording import JointStateSeries, Recording
 
 START = 1_760_000_000_000_000_000
-TRUTH = {
-    "torque_constant": 8.925,
-    "stiffness": 3.971,
-    "motor_inertia": 0.0635,
-    "motor_damping": 2.6,
-    "arm_inertia": 0.17,
-    "arm_damping": 0.02,
-}
+TRUTH = FLEXIBLE
 DT = 0.002
 
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_rigs import DT, MODEL, PARAMETERS, RIGID, coupled, fit_of, joint_record
+from diagnosis_rigs import DT, MODEL, RIGID, coupled, fit_of, joint_record
+from plants import FLEXIBLE
 
 from haptic_teleop_sim.effects import EFFECTS
 from haptic_teleop_sim.model import Effect, Model
@@ -101,7 +102,7 @@ def test_coupling_needs_a_recording_of_the_other_arm(clean, scales):
 
 
 def test_a_gain_error_is_not_tried_where_the_torque_constant_is_estimated(clean, scales):
-    free = Model("sfj", "stage1", "flexible_joint", PARAMETERS, fixed=("stiffness",))
+    free = Model("sfj", "stage1", "flexible_joint", FLEXIBLE, fixed=("stiffness",))
     assert "gain_error" not in {e.effect for e in candidates(free, clean, scales)}
 
 
