@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from haptic_teleop_sysid.blind.cases import Unlucky, _as_large, _recorded, _rivals, _sketched, draw_case
-from haptic_teleop_sysid.blind.detect import Driven, whitener
+from haptic_teleop_sysid.blind.detect import Column, Driven, base_columns, beyond, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
 from haptic_teleop_sysid.blind.planting import Planted
 from haptic_teleop_sysid.blind.rivals import rivals
@@ -42,6 +42,28 @@ def test_what_is_told_apart_is_told_along_the_recording_as_it_was_made() -> None
         for seen in (_sketched(lag, setting, scene), recorded)
     ]
     assert nats[1] > 2.0 * nats[0] > 0.0
+
+
+def test_what_is_late_is_told_from_a_delay_at_its_full_force_alone() -> None:
+    """Half a delay at twice its force is nearly a lag, but no actuator does that."""
+    case = draw_case(11, "clean", 5, "lag")
+    setting, filter_ = list(case.settings), whitener(case.settings[0].robot)
+    constant, lag = 0.008, Planted(BY_NAME["actuator_lag"], "actuator", {"time_constant": 0.008})
+    seen = [(driven, added[0]) for driven, added in _recorded([lag], setting, case.pushes, case.scenes)]
+    told = _rivals(lag, seen, case.settings[0].robot, filter_, False)["input_delay", "actuator"]
+    gain = case.settings[0].robot.truth["torque_constant"]
+    left = []
+    for delay in np.linspace(0.5, 1.5, 41) * constant:
+        apart = 0.0
+        for driven, truth in seen:
+            late = np.interp(driven.time - 0.5 * 0.002 - delay, driven.time - 0.5 * 0.002, driven.current)
+            both = whiten(
+                filter_, [truth, Column(motor_force=gain * (late - driven.current))], len(driven.time)
+            )
+            rest = beyond(base_columns(filter_, driven, False), both)
+            apart += 0.5 * float(np.sum((rest[:, 0] - rest[:, 1]) ** 2))
+        left.append(apart)
+    assert told == pytest.approx(min(left), rel=0.3)
 
 
 def _single_effect(index: int) -> str:

@@ -36,14 +36,25 @@ CONTAINS: dict[str, frozenset[str]] = {
 Gravity and a spring to ground, alike over small angles, have as many parameters: neither is the simpler."""
 
 
+NEAR = tuple(1.1**k for k in range(-8, 9))
+"""Delays and time constants, relative to the truth's, among which what else is late is sought."""
+NEARLY_WHOLE = (0.95, 1.06)
+"""Factors of what is late between one and the next."""
+
+
 @dataclass(frozen=True)
 class Rival:
-    """One explanation with one shape: columns that add up; `signs`: which must be positive or negative."""
+    """One explanation with one shape: columns that add up; `signs`: which must be positive or negative.
+
+    `whole`: one column that counts as it is, but for NEARLY_WHOLE. Half the delay twice is nearly a lag, and no
+    actuator does that.
+    """
 
     effect: str
     part: str
     columns: tuple[Column, ...]
     signs: tuple[int, ...]
+    whole: bool = False
 
 
 def _late(values: Array, delay: float, time: Array) -> Array:
@@ -89,7 +100,8 @@ def rivals(
 ) -> Iterator[Rival]:
     """Yield the table's effects along `driven`, signs as the physics allows them.
 
-    The grids of shapes come from `like`, so that several recordings share them; `delays` come beside theirs.
+    The grids of shapes come from `like`, so that several recordings share them; those of what is late from
+    `delays`, of the truth, where it is late itself.
     """
     d, period = driven, driven.time[1] - driven.time[0]
     sides = (
@@ -150,12 +162,11 @@ def rivals(
             waves = (sine, cosine - 1.0)
             yield Rival("encoder_eccentricity", f"{part}_encoder", tuple(show(w) for w in waves), (0, 0))
         yield Rival("encoder_scale", f"{part}_encoder", (show(angle),), (0,))
-        for delay in (0.002, 0.006, 0.015, 0.03, *delays):
+        for delay in _near(delays) or (0.002, 0.006, 0.015, 0.03):
             shift = _late(angle, delay, d.time) - angle
             early = _late(angle, -delay, d.time) - angle
-            yield Rival("sensor_delay", f"{part}_encoder", (show(shift),), (1,))
-            yield Rival("channel_skew", f"{part}_encoder", (show(shift),), (1,))
-            yield Rival("channel_skew", f"{part}_encoder", (show(early),), (1,))
+            for effect, change in (("sensor_delay", shift), ("channel_skew", shift), ("channel_skew", early)):
+                yield Rival(effect, f"{part}_encoder", (show(change),), (1,), bool(delays))
     yield from _joint(driven, like, stiffness)
     yield from _actuator(driven, like, torque_constant, period, known_gain, delays)
 
@@ -216,20 +227,20 @@ def _actuator(
 ) -> Iterator[Rival]:
     u, peak = d.current, float(np.max(np.abs(like.current))) + 1e-9
 
-    def both(effect: str, change: Array) -> Iterator[Rival]:
+    def both(effect: str, change: Array, whole: bool = False) -> Iterator[Rival]:
         # Behind the current sense it is a force alone; before it, the sense shows it as well.
-        yield Rival(effect, "actuator", (Column(motor_force=kt * change),), (1,))
-        yield Rival(effect, "actuator", (Column(motor_force=kt * change, current=change),), (1,))
+        yield Rival(effect, "actuator", (Column(motor_force=kt * change),), (1,), whole)
+        yield Rival(effect, "actuator", (Column(motor_force=kt * change, current=change),), (1,), whole)
 
-    for delay in (0.002, 0.005, 0.01, 0.02, 0.04, *delays):
-        yield from both("input_delay", _held_late(u, delay, period) - u)
+    for delay in _near(delays) or (0.002, 0.005, 0.01, 0.02, 0.04):
+        yield from both("input_delay", _held_late(u, delay, period) - u, bool(delays))
         for way in (-delay, delay):
             shift = (
                 _late(u, way, d.time) - u
             )  # only the sense is off: the command says what really acted, when
-            yield Rival("channel_skew", "actuator", (Column(current=shift),), (1,))
-    for time in (0.002, 0.005, 0.012, 0.03, 0.07, *delays):
-        yield from both("actuator_lag", _lagged(u, time, period) - u)
+            yield Rival("channel_skew", "actuator", (Column(current=shift),), (1,), bool(delays))
+    for time in _near(delays) or (0.002, 0.005, 0.012, 0.03, 0.07):
+        yield from both("actuator_lag", _lagged(u, time, period) - u, bool(delays))
     for share in (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98):
         yield from both("torque_saturation", np.clip(u, -share * peak, share * peak) - u)
     fastest = float(np.max(np.abs(like.motor_speed))) + 1e-9
@@ -244,6 +255,10 @@ def _actuator(
         yield Rival("gain_error", "actuator", (Column(motor_force=kt * u),), (0,))
     for time in (4.0, 8.0, 15.0):
         yield Rival("gain_drift", "actuator", (Column(motor_force=-kt * u * np.expm1(-d.time / time)),), (0,))
+
+
+def _near(delays: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(delay * factor for delay in delays for factor in NEAR)
 
 
 def distances(
@@ -275,10 +290,17 @@ def distances(
     for rival in listed:
         chosen = np.arange(place, place + len(rival.columns))
         place += len(rival.columns)
-        left = 0.5 * _left(gram, chosen, rival.signs)
+        left = 0.5 * (_left_by_one(gram, chosen[0]) if rival.whole else _left(gram, chosen, rival.signs))
         key = (rival.effect, rival.part)
         nearest[key] = min(nearest.get(key, np.inf), left)
     return nearest
+
+
+def _left_by_one(gram: Array, chosen: np.intp) -> float:
+    """Return the squared length of column 0 that one column, as long as it is, cannot explain."""
+    square = max(float(gram[chosen, chosen]), 1e-20)
+    share = float(np.clip(gram[0, chosen] / square, *NEARLY_WHOLE))
+    return max(float(gram[0, 0]) - 2.0 * share * float(gram[0, chosen]) + share**2 * square, 0.0)
 
 
 def _left(gram: Array, chosen: NDArray[np.intp], signs: tuple[int, ...]) -> float:
