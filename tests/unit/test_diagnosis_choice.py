@@ -9,6 +9,7 @@ from diagnosis_rigs import MODEL, explanation, fit_of, joint_record
 import haptic_teleop_sysid.diagnosis.decision.search.rounds as search_module
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.search.decide import choose
+from haptic_teleop_sysid.diagnosis.decision.search.explore import _Trials
 from haptic_teleop_sysid.diagnosis.evidence.certainty import standard_errors
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 
@@ -47,6 +48,26 @@ def test_a_richer_form_that_gains_no_more_than_the_plain_one_is_no_rival():
     assert choose([better, plain], 0.0, False).ambiguous, "one that gains a little more is a rival"
     elsewhere = explanation("stribeck_friction", 6444.1, 4286.0, "arm", **dip)
     assert choose([elsewhere, plain], 0.0, False).ambiguous, "and so is one at another place"
+
+
+def test_what_promised_as_much_as_the_best_is_fitted_however_much_else_was_ahead():
+    def ended(one, nats):
+        return replace(one.fit, log_likelihood=nats)
+
+    friction = explanation("coulomb_friction", 110.0, -60.0)  # which the other recordings refuse
+    delay = explanation("input_delay", 34.0, 5.0, "actuator", delay=0.004)
+    lag = explanation("actuator_lag", 33.0, 5.0, "actuator", time_constant=0.004)
+    late = explanation("sensor_delay", 30.0, 5.0, "motor_encoder", delay=0.004)
+    skew = explanation("channel_skew", 34.0, 5.0, "actuator", delay=-0.004)  # the delay by another name
+    ends = {180.0: friction, 134.0: delay, 133.9: skew, 130.0: lag, 128.0: late}
+    one = [ended(e, nats) for nats, e in ends.items()]
+    other = [ended(friction, 80.0), ended(late, 79.0)]  # without a trial of the delay
+    trials = _Trials([], [one, other], [], friction.fit)
+    found = [friction, delay]
+    (more,) = trials.as_promising(found, [e.fit for e in found], 0)
+    assert more is one[3]
+    assert trials.as_promising(found, [e.fit for e in (*found, lag)], 0) == []
+    assert trials.as_promising([friction], [friction.fit], 0) == [], "nothing may be chosen"
 
 
 def test_where_derivatives_overflowed_nothing_is_significant():

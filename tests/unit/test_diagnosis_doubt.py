@@ -411,6 +411,25 @@ def test_a_torque_whose_size_is_not_known_gives_way_to_no_more_names_that_explai
     assert ["a size among these names is not known" in one.why for one in result.given_up] == [True] * stands
 
 
+@pytest.mark.parametrize("first_too", [False, True])
+def test_what_came_before_a_name_that_needs_another_machine_stays_unless_it_does_too(
+    monkeypatch, records, first_too
+):
+    named = found(DRAG, records[0])
+    first, second = named.choices[0], replace(named.choices[0], confidence=0.9)
+    far = Doubt(first, "the bound of what is taken for possible")
+    monkeypatch.setattr(questioning, "doubted", lambda *_: (named, None, Stand((), (), {})))
+    monkeypatch.setattr(questioning, "misread", lambda result, *_: (result, None))
+    least = 0 if first_too else 1
+    monkeypatch.setattr(questioning, "beyond_reach", lambda one, _: far if one.choices[least:] else None)
+    monkeypatch.setattr(questioning, "left_is_random", lambda *_: True)
+    monkeypatch.setattr(questioning, "stand_of", lambda *_: Stand((), (), {}))
+    named = replace(named, choices=(first, second))
+    result = asked_beside(None, named)
+    assert result.choices == (() if first_too else (first,))
+    assert len(result.given_up) == 1 + first_too
+
+
 @pytest.mark.parametrize(("gain", "expected"), [(35.0, False), (45.0, True)])
 def test_what_gains_far_more_than_chance_and_only_here_is_something_unknown(records, gain, expected):
     quiet = [recorded(STAGE, 0.15, 7)], [recorded(STAGE, 0.15, 8)]

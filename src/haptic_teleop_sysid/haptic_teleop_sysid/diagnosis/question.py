@@ -39,7 +39,7 @@ from .decision.second_method.torques_explained import (
     inadequate,
     recovered,
 )
-from .decision.stand import Stand, colours
+from .decision.stand import Stand, colours, stand_of
 from .decision.where import structured
 from .evidence.held_out import with_both_kinds
 from .evidence.proof import mean_percent
@@ -95,9 +95,11 @@ def questioned(
     if short is not None:
         result = _before(result, short.choice, short.why)
         doubt = None if result.choices else short
-    if doubt is None and (far := beyond_reach(result, found.given)) is not None:
-        result = _before(result, None, far.why)
-        doubt, stand = far, Stand(stand.before, stand.before, {})
+    while doubt is None and (far := beyond_reach(result, found.given)) is not None:
+        # Names found before it may not need that machine.
+        result = _before(result, result.choices[-1], far.why)
+        doubt = None if result.choices else far
+        stand = stand_of(result, stand.before, found.learn, found.judge)
     if (
         doubt is None
         and second_method is not None

@@ -81,11 +81,7 @@ def choose(
     ``apart``: nats at which the recordings tell one fit from another (see `isolable.nats_apart`).
     ``further``: others were found before.
     """
-    gaining = [
-        e
-        for e in found
-        if e.material and gains_enough(e.gain, e.elsewhere, alone=not further) and significant(e)
-    ]
+    gaining = [e for e in found if may_be_chosen(e, further)]
     good: list[Explanation] = []
     leftovers: list[Explanation] = []
     for e in gaining:
@@ -146,6 +142,13 @@ def choose(
     ):
         return None
     return choice
+
+
+def may_be_chosen(explanation: Explanation, further: bool) -> bool:
+    """Whether an explanation is material and gains enough on both kinds of recordings by a size that differs
+    from none; ``further``: others were found before."""
+    e = explanation
+    return e.material and gains_enough(e.gain, e.elsewhere, alone=not further) and significant(e)
 
 
 def _forms_of_one_thing(choice: Choice) -> bool:

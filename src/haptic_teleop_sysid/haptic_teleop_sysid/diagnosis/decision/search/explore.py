@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_teleop_sim.model import Model
+from haptic_teleop_sim.model import Effect, Model
 from haptic_teleop_sysid.estimation.fit import Fit
 from haptic_teleop_sysid.estimation.parallel import side_by_side
 from haptic_teleop_sysid.estimation.records import Record, thinned_to
@@ -19,8 +20,9 @@ from ...evidence.whiteness import colour
 from ...hypotheses.candidates import Scanned, contacts, larger_starts
 from ...hypotheses.explanation import Explanation
 from ...hypotheses.material import material
+from ...hypotheses.twins import twins
 from ...inputs.scales import Scales, within_reach
-from ...policy import WORTH_ALL_SAMPLES
+from ...policy import CANNOT_TELL, WORTH_ALL_SAMPLES
 from ...starts.forms import richer_forms
 from ...starts.plain import plain
 from ...starts.screen import Screened
@@ -38,6 +40,7 @@ from ...starts.trials import (
     with_companion,
     with_contact,
 )
+from .decide import may_be_chosen
 
 #: Trials under each noise model whose levels are tuned: the best, and those that promised most; explanations
 #: that are fitted to the end, and those whose end is a new start for the model without them.
@@ -80,7 +83,8 @@ def explore(
     say = progress or (lambda text: None)
     limits = within_reach(lab, scales)
     shifted = late_channels(lab, estimation) if shifted is None else shifted
-    fits, few, near = _tried(fit, lab, estimation, scales, limits, again, shifted, say)
+    trials = _tried(fit, lab, estimation, scales, limits, again, shifted, say)
+    few, near = trials.few, trials.near
     index = len(fit.model.effects)
 
     def to_the_end(trial: Fit) -> Fit:
@@ -94,7 +98,7 @@ def explore(
             trials = _in_the_running(trials, near.log_likelihood + WORTH_ALL_SAMPLES)
         return side_by_side(to_the_end, trials)
 
-    begun = _most_material(fits, index, scales)
+    begun = _most_material(trials.tuned, index, scales)
     fits = best_of_each(ended(begun), index)
     if colour((fits or [fit])[0], estimation) > _COLOURED:
         found = best_of_each(plain(lab, few, scales, limits, say), index)
@@ -114,6 +118,12 @@ def explore(
         return explore(better, lab, estimation, validation, scales, progress, False, shifted)
     fit = better
     say("judging on recordings that were not fitted")
+    found = judged(fit, fits, estimation, validation, scales)
+    late = trials.as_promising(found, fits, index)
+    if not late:
+        return fit, found
+    say("fitting what promised as much")
+    fits = best_of_each([*fits, *ended(late)], index)
     return fit, judged(fit, fits, estimation, validation, scales)
 
 
@@ -136,6 +146,43 @@ def _in_the_running(fits: Sequence[Fit], least: float) -> list[Fit]:
     return [f for f in fits if f.log_likelihood >= max(near_the_best, least)]
 
 
+@dataclass(frozen=True)
+class _Trials:
+    """Trials of the effects worth one: the ``tuned`` ones go on; ``under``: all of them, under either noise
+    model; ``few``: the recordings they were made on, thinned where they are long, and ``near``: the model so
+    far on these."""
+
+    tuned: list[Fit]
+    under: list[list[Fit]]
+    few: Sequence[Record]
+    near: Fit
+
+    def as_promising(self, found: Sequence[Explanation], ended: Sequence[Fit], index: int) -> list[Fit]:
+        """Trials of effects that are not among the ``ended`` fits, and that came as far as that of the best
+        explanation which may be chosen, but for what recordings need to tell two apart. What they cannot tell
+        from it stands beside it, even where more of what other recordings refuse was ahead and was fitted
+        first."""
+        best = next((e for e in found if may_be_chosen(e, further=index > 0)), None)
+        if best is None:
+            return []
+        known = {_key(f, index) for f in ended}
+        known |= {_name(best.effect), *map(_name, twins(best.effect, best.fit.model.rigid))}
+        late: list[Fit] = []
+        for trials in self.under:
+            own = [t.log_likelihood for t in trials if _key(t, index) == _name(best.effect)]
+            least = max(own, default=np.inf) - CANNOT_TELL
+            late += [t for t in trials if t.log_likelihood > least and _key(t, index) not in known]
+        return best_of_each(late, index)
+
+
+def _name(effect: Effect) -> tuple[str, str]:
+    return effect.effect, effect.location
+
+
+def _key(fit: Fit, index: int) -> tuple[str, str]:
+    return _name(fit.model.effects[index])
+
+
 def _tried(
     fit: Fit,
     lab: Model,
@@ -145,9 +192,8 @@ def _tried(
     first: bool,
     shifted: Scanned,
     say: Callable[[str], None],
-) -> tuple[list[Fit], Sequence[Record], Fit]:
-    """The best trials of the effects worth one, the recordings they were made on, thinned where they are
-    long, and the model so far on these."""
+) -> _Trials:
+    """The best trials of the effects worth one."""
     say("screening all effects")
     few = thinned_to(estimation)
     near = fit
@@ -177,6 +223,7 @@ def _tried(
     for (which, chain), ends in zip(jobs, side_by_side(along, jobs), strict=True):
         ended |= {(which, i): best for i, best in zip(chain, ends, strict=True)}
     worth: list[Fit] = []
+    under: list[list[Fit]] = []
     for which in (0, 1):
         trials: list[Fit] = []
         promised: list[Fit] = []
@@ -190,7 +237,8 @@ def _tried(
         # have gone far to make up for it.
         late = [t for t in promised if all(t is not other for other in trials[:_MOST_TUNED])]
         worth += [*trials[:_MOST_TUNED], *late]
-    return side_by_side(lambda t: polish(t, few, limits, TUNING_STEPS), worth), few, near
+        under.append(trials)
+    return _Trials(side_by_side(lambda t: polish(t, few, limits, TUNING_STEPS), worth), under, few, near)
 
 
 def _chains(promising: Sequence[Screened]) -> list[list[int]]:
