@@ -388,17 +388,26 @@ def test_a_name_that_is_given_up_brings_up_the_next_but_physics_without_a_name_s
 
 
 @pytest.mark.parametrize(
-    ("std", "names", "explains", "stands"),
-    [(10.0, 1, True, True), (0.01, 1, True, False), (10.0, 2, True, False), (10.0, 1, False, False)],
+    ("std", "names", "explains", "other", "stands"),
+    [
+        (10.0, 1, True, None, True),
+        (0.01, 1, True, None, False),
+        (10.0, 2, True, None, False),
+        (10.0, 1, False, None, False),
+        (10.0, 1, True, 10.0, True),
+        (10.0, 1, True, 0.01, False),  # what else it may be has a known size
+    ],
 )
 def test_a_torque_whose_size_is_not_known_gives_way_to_no_more_names_that_explain_nearly_all(
-    monkeypatch, records, std, names, explains, stands
+    monkeypatch, records, std, names, explains, other, stands
 ):
     named = found(DRAG, records[0])
     choice = named.choices[0]
     size = f"{DRAG.location}.{DRAG.effect}.coefficient"
-    told = replace(choice.chosen, std={size: std * choice.chosen.effect.values["coefficient"]})
-    named = replace(named, choices=(replace(choice, chosen=told),))
+    coefficient = choice.chosen.effect.values["coefficient"]
+    told, rival = (replace(choice.chosen, std={size: (s or 0.0) * coefficient}) for s in (std, other))
+    others = () if other is None else ((rival, 0.4),)
+    named = replace(named, choices=(replace(choice, chosen=told, others=others),))
     monkeypatch.setattr(questioning, "doubted", lambda *_: (named, None, Stand((), (), {})))
     monkeypatch.setattr(questioning, "misread", lambda result, *_: (result, None))
     monkeypatch.setattr(questioning, "left_is_random", lambda *_: True)

@@ -211,12 +211,15 @@ def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:
 
 
 def _gives_way(result: SearchResult, stand: Stand, second_method: SecondMethod, errors: Errors) -> bool:
-    """Whether one of the findings is a torque along the motion whose size is not known, while no more names
-    of the inverse dynamics explain nearly all, and simulate freely no worse than the structure alone."""
+    """Whether one of the findings is a torque along the motion whose size is not known, nor that of what else
+    it may be, while no more names of the inverse dynamics explain nearly all, and simulate freely no worse
+    than the structure alone."""
     unknown = [
         c
         for c in result.choices
-        if follows_from_motion(c.chosen.effect.entry) and size_unknown(c, result.final, stand.spread)
+        if follows_from_motion(c.chosen.effect.entry)
+        and size_unknown(c, result.final, stand.spread)
+        and all(size_unknown(replace(c, chosen=e), e.fit, {}) for e, _ in c.others)
     ]
     return (
         bool(unknown)
