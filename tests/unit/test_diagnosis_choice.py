@@ -97,6 +97,14 @@ def test_a_slow_drift_differs_from_none_although_only_its_rate_is_known():
     assert choose([replace(drift, fit=fit)], 0.0, False) is None
 
 
+def test_a_factor_that_may_be_nought_is_no_factor():
+    found = explanation("encoder_scale", 60.0, 30.0, "motor_encoder", scale=0.6)
+    names = ("stage1_motor_encoder.encoder_scale.scale",)
+    for error, chosen in ((0.6, False), (0.1, True)):
+        fit = replace(found.fit, free=names, information=np.array([[error**-2]]))
+        assert (choose([replace(found, fit=fit)], 0.0, False) is not None) == chosen
+
+
 def test_a_limit_is_significant_where_there_was_none():
     found = explanation("torque_saturation", 60.0, 30.0, "actuator", limit=2.0)
     fit = replace(found.fit, free=("stage1_actuator.torque_saturation.limit",), information=np.eye(1))

@@ -11,7 +11,7 @@ from haptic_teleop_sim.effects import effect_entry
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.estimation.fit import Fit
 
-from ...evidence.certainty import parameter_covariance
+from ...evidence.certainty import parameter_covariance, standard_errors
 from ...hypotheses.candidates import family
 from ...hypotheses.enough import gains_enough
 from ...hypotheses.explanation import Explanation
@@ -182,10 +182,15 @@ def significant(explanation: Explanation) -> bool:
     """Whether the effect's size differs from none by more than its uncertainty (Wald test of all its sizes).
 
     Its shape stays as it was found: without the effect it has none, and of a slow drift neither the change
-    nor the time constant is known although their ratio is. The structure's parameters are projected out.
+    nor the time constant is known although their ratio is. The structure's parameters are projected out. A
+    factor differs from nought as well: an input of which nothing arrives is not what drives the joint.
     """
     effect, fit = explanation.effect, explanation.fit
     head = f"{effect.location}.{effect.effect}."
+    errors = standard_errors(fit) | explanation.std
+    factors = [p.name for p in effect.entry.parameters if p.neutral and np.isfinite(p.neutral)]
+    if any(not abs(effect.values[n]) > SIGNIFICANT * errors.get(head + n, 0.0) for n in factors):
+        return False
     away = {
         head + p.name: effect.values[p.name] - p.neutral
         for p in effect.entry.parameters
