@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 from ros_graph import Commanded, Graph, Sink, stamp_of
+from sensor_msgs.msg import JointState
 
 from haptic_teleop_control.nodes.timing.time_base import WallTime
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
@@ -96,6 +97,13 @@ def test_a_controller_that_falls_silent_stops_the_current_within_the_timeout(gra
     assert graph.wall.now() - silent <= 0.1e9 + 2 * 2e6, "ns: the timeout and two samples"
 
 
+def test_a_subscription_with_the_default_quality_of_service_hears_the_states(graph):
+    heard = []
+    graph.probe.create_subscription(JointState, "/sfj/joint_states", heard.append, 10)
+    Setting(graph)
+    graph.run_until(lambda: len(heard) > 3)
+
+
 def test_a_stall_is_simulated_afterwards_with_no_current_and_is_a_fault(graph):
     """As on a machine that stands still for longer than a command holds; what the robot does meanwhile
     counts."""
@@ -111,12 +119,19 @@ def test_a_stall_is_simulated_afterwards_with_no_current_and_is_a_fault(graph):
     assert setting.node.lost_steps == 0
 
 
-@pytest.mark.parametrize("age", [0.3, -0.3, None])
-def test_a_command_that_answers_no_recent_state_is_stale(graph, age):
+@pytest.mark.parametrize(
+    ("age", "fault", "said"),
+    [
+        (0.3, "stale_command", "0.300 s old"),
+        (-0.3, "future_command", "0.300 s ahead"),
+        (None, "stale_command", "without a stamp"),
+    ],
+)
+def test_a_command_that_answers_no_recent_state_is_stale_or_from_the_future(graph, age, fault, said):
     setting = Setting(graph)
     setting.push()
     setting.send(effort=PUSH, stamp=0 if age is None else graph.wall.stamp() - int(age * 1e9))
-    assert setting.node.faults.latched == "stale_command"
+    assert setting.node.faults.latched == fault and said in setting.node.faults.sentence
     setting.state()
     assert not setting.flows()
 

@@ -5,6 +5,7 @@ import re
 import signal
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -15,7 +16,7 @@ from haptic_teleop_control.errors import ConfigurationError
 from haptic_teleop_control.nodes.launching import watch
 from haptic_teleop_control.nodes.launching.children import Child, stop_all
 from haptic_teleop_control.nodes.launching.watch import ProgressLine, Watcher
-from haptic_teleop_control.nodes.scenario import load_scenario, main
+from haptic_teleop_control.nodes.scenario import _ended_early, load_scenario, main
 from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.recording import read_recording
 from haptic_teleop_control.robots import OMNI_JOINTS
@@ -258,3 +259,9 @@ def test_its_processes_take_no_module_from_the_working_directory(tmp_path, monke
     assert child.process.wait(30.0) == 0
     child.relay()
     assert not (tmp_path / "executed").exists()
+
+
+@pytest.mark.parametrize(("status", "advice"), [(0, "what it recorded is closed"), (137, "recover")])
+def test_a_recorder_that_ends_early_is_to_be_recovered_only_where_it_did_not_close_its_bag(status, advice):
+    told = _ended_early([SimpleNamespace(name="recorder", status=status)])
+    assert advice in told["recorder"] and f"exit status {status}" in told["recorder"]

@@ -11,7 +11,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.parameter import Parameter
-from ros_graph import Graph, Sink
+from rclpy.qos import QoSProfile
+from ros_graph import Graph, Sink, Source
 from std_msgs.msg import String
 
 from haptic_teleop_2dsfj.nodes.sfj_driver import SfjDriverNode
@@ -219,6 +220,35 @@ def test_an_answer_that_cannot_be_is_a_fault_and_nothing_flows_until_a_reset(gra
     assert graph.call("/sfj/sfj_sim/reset").success
     setting.until_tick(setting.coordinator.ticks + 5)
     assert setting.flows()
+
+
+def test_a_command_of_a_node_that_takes_no_part_is_told_as_that(graph):
+    plant = graph.start(SfjSim, use_sim_time=True)
+    node = graph.start(TimeCoordinator, participants=["sfj_sim"], real_time_factor=0.0)
+    outside = Source(graph, "/sfj/effort_command", SFJ_MOTOR_JOINTS, QoSProfile(depth=10))
+    graph.until(lambda: graph.wall.advance(0.01) or node._coordinator.ticks > 20)
+    assert graph.call("/time_coordinator/pause").success
+    graph.until(lambda: graph.wall.advance(0.01) or not node._coordinator._busy)
+    graph.until(outside.connected)
+    outside.send(stamp=plant.sampled, effort=PUSH)
+    graph.until(lambda: plant.faults.latched)
+    assert plant.faults.latched == "uncoordinated_command"
+    assert "takes no part in simulated time" in plant.faults.sentence
+
+
+def test_who_grants_time_stamps_what_it_says_with_it_and_no_reset_lets_time_go_on(graph):
+    told = []
+    graph.probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, 100)
+    setting = Setting(graph, liveness=1.5)
+    setting.until_tick(20)
+    setting.answerer.efforts = []
+    setting.let_live(lambda: setting.coordinator.state == HALTED)
+    setting.let_live(lambda: told and told[-1].status[0].name == "/time_coordinator")
+    stamp = told[-1].header.stamp.sec * 10**9 + told[-1].header.stamp.nanosec
+    assert 0 < stamp <= setting.coordinator.stamp
+    refused = graph.call("/time_coordinator/reset")
+    assert not refused.success and "start it anew" in refused.message
+    assert setting.node.faults.latched == "halted"
 
 
 def test_an_answer_to_a_state_of_long_ago_is_dropped_and_the_right_one_taken(graph):

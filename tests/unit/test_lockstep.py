@@ -207,14 +207,15 @@ def test_the_states_of_the_teleoperation_are_recorded_as_the_node_publishes_them
     assert offered.durability == QosDurability.TRANSIENT_LOCAL  # latched again by who plays it
 
 
-def test_a_recording_holds_the_topics_that_the_recorder_is_told(tmp_path, repository):
+def test_a_recording_holds_the_topics_that_the_recorder_is_told(tmp_path, repository, capsys):
     content = yaml.safe_load((repository / "config/scenario1_sim.yaml").read_text())
-    content["recorder"]["ros__parameters"]["topics"] = ["/reference", "sfj/joint_states"]
+    content["recorder"]["ros__parameters"]["topics"] = ["/reference", "sfj/joint_states", "/diagnostics"]
     file = tmp_path / "few.yaml"
     file.write_text(yaml.safe_dump(content))
     assert main([str(file), "--duration", "0.5", "--record", str(tmp_path / "few")]) == 0
     with AnyReader([tmp_path / "few"]) as reader:
         assert set(reader.topics) == {"/reference", "/sfj/joint_states"}
+    assert "not recorded, because only nodes have it: /diagnostics" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

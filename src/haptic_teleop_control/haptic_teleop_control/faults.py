@@ -13,6 +13,7 @@ STALE_COMMAND = "stale_command"
 MALFORMED_COMMAND = "malformed_command"
 FUTURE_COMMAND = "future_command"
 CONTRADICTORY_COMMAND = "contradictory_command"
+UNCOORDINATED_COMMAND = "uncoordinated_command"
 SECOND_SENDER = "second_sender"
 
 SECOND_SENDER_SENTENCE = (
@@ -26,6 +27,10 @@ COMMAND_FAULTS: dict[str, str] = {
     STALE_COMMAND: "the last command is too old; look whether its publisher still runs and keeps its rate",
     FUTURE_COMMAND: "a command answers a state that there has not been yet; look at its publisher's stamps",
     CONTRADICTORY_COMMAND: "one state was answered twice with different values; look for a second publisher",
+    UNCOORDINATED_COMMAND: (
+        "a command came from a node that takes no part in simulated time, so that nobody waits for it; let "
+        "all nodes go by the wall (use_sim_time: false)"
+    ),
     SECOND_SENDER: SECOND_SENDER_SENTENCE,
 }
 """Faults of a received command, with the sentence for the log."""

@@ -79,7 +79,7 @@ def record_scenario(
                 values["seed"] = seed
     entered = [(0.0, State.OFF.value), *result.states]  # `off` is what the node begins with
     states = [(ORIGIN + round(at * 1e9), state) for at, state in entered]
-    wanted = {f"/{topic.lstrip('/')}" for topic in scenario.topics} or {*result.topics, STATE_TOPIC}
+    wanted = _named(scenario) or {*result.topics, STATE_TOPIC}
     topics = {topic: series for topic, series in result.topics.items() if topic in wanted}
     texts = {STATE_TOPIC: states} if STATE_TOPIC in wanted else {}
     if not topics:
@@ -110,6 +110,17 @@ def _duration(scenario: ScenarioParameters, duration: float | None) -> float:
     stated = {k: v for k, v in signal.items() if k in ("kind", "rate") or k.startswith("stage")}
     end = SignalGenerator.from_parameters(stated, source=scenario.source).end
     return end if 0.0 < end < 86400.0 else DURATION
+
+
+def not_recorded(scenario: ScenarioParameters, result: ScenarioResult) -> list[str]:
+    """Topics that the file wants recorded and that there are with nodes alone, sorted: diagnostics, and what
+    goes through a link."""
+    return sorted(_named(scenario) - {*result.topics, STATE_TOPIC})
+
+
+def _named(scenario: ScenarioParameters) -> set[str]:
+    """Full names of `recorder.topics`."""
+    return {f"/{topic.lstrip('/')}" for topic in scenario.topics}
 
 
 def at_limit(scenario: ScenarioParameters, result: ScenarioResult) -> list[str]:
@@ -174,5 +185,8 @@ def _main(argv: list[str]) -> int:
     if result.obstacle:
         console.print(f"not coupled at the end, {result.obstacle}", markup=False, soft_wrap=True)
     if options.record:
+        if missing := not_recorded(scenario, result):
+            line = f"not recorded, because only nodes have it: {', '.join(missing)}"
+            console.print(line, markup=False, soft_wrap=True)
         print(options.record)
     return 0

@@ -121,6 +121,10 @@ class Recorder(HapticNode):
         self._follow()
         self.get_logger().info(f"recording to {self.writer.path}")
 
+    def status_stamp(self) -> int:
+        """In simulated time the newest that it has recorded: it is told of no tick."""
+        return max(self._kept.values(), default=ORIGIN) if self.time.simulated else self.time.stamp()
+
     def state(self) -> str:
         return "stopping" if self.stop else "recording"
 

@@ -200,8 +200,11 @@ def _ended_early(children: Sequence[Child]) -> dict[str, str]:
     faults = {}
     for child in children:
         if child.status is not None and child.status != REFUSED:
-            recorder = child.name == Recorder.NAME
-            remedy = "; `haptic-teleop recover` saves what it has written" if recorder else ""
+            remedy = ""
+            if child.name == Recorder.NAME:
+                # Of itself it ends in order, with a line that says why.
+                closed = "; it has said why, and what it recorded is closed"
+                remedy = "; `haptic-teleop recover` saves what it has written" if child.status else closed
             faults[child.name] = (
                 f"its process ended before the experiment did (exit status {child.status}), and so all of it "
                 f"was ended{remedy}"

@@ -56,6 +56,7 @@ class TimeCoordinator(HapticNode):
         "Time begins when all are there. `haptic-teleop operate pause | step | resume` holds it.",
     )
     FAULTS: ClassVar = {HALT: "simulated time is halted; end the scenario and start it anew"}
+    FINAL = frozenset({HALT})
     TABLE = TIME_COORDINATOR
     MAY_BE_SIMULATED = False  # it is the one that knows the wall
 
@@ -127,6 +128,7 @@ class TimeCoordinator(HapticNode):
                 self._tell_clock()
                 if message.state == OVER and not self._over:
                     self._over = True
+                    self.get_logger().info(f"time is over after {seconds(self._coordinator.stamp):.3f} s")
                     self.announce()  # the figures of the whole run, which a recording is to hold
                 if message.state == HALTED and self.faults.latched is None:
                     self.fault(HALT, message.reason)
@@ -154,6 +156,10 @@ class TimeCoordinator(HapticNode):
     def apply_parameters(self, values: Mapping[str, Any]) -> None:
         if values["real_time_factor"] != self._coordinator.pace.factor:
             self._coordinator.pace.factor = values["real_time_factor"]
+
+    def status_stamp(self) -> int:
+        """Of the time that it grants: it counts by the wall itself."""
+        return self._coordinator.stamp
 
     def state(self) -> str:
         status = self._coordinator.status()

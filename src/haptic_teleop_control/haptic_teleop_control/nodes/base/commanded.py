@@ -20,6 +20,7 @@ from haptic_teleop_control.faults import (
     MALFORMED_COMMAND,
     NON_FINITE_COMMAND,
     STALE_COMMAND,
+    UNCOORDINATED_COMMAND,
 )
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.streams.joint_states import (
@@ -73,6 +74,7 @@ class CommandedNode(HapticNode):
         self._awaiting = False  # whether its answer is still to come
         self._answer = np.zeros(len(self.COMMAND_JOINTS))  # to the state of this stamp; 0: to none
         self._answer_to = 0
+        self._awaited = True  # whether that answer was to come from another node
         self.silent = False  # whether there is no state to publish at the next tick
         self.warnings.watch(
             lambda: self.dropped,
@@ -113,7 +115,7 @@ class CommandedNode(HapticNode):
             return self._answers_this_state(stamp)
         age = self.time.stamp_at(received) - stamp
         if not -self._timeout_ns <= age <= self._timeout_ns:
-            self._refuse_stale(stamp, age * 1e-9)
+            self._refuse(stamp, age * 1e-9)
             return False
         if stamp < self._last_stamp:
             self.dropped += 1
@@ -150,7 +152,7 @@ class CommandedNode(HapticNode):
                 self.time.done(silent=self.silent)
             return
         self.sampled = tick.stamp
-        self._awaiting = self.states.topic in tick.states
+        self._awaiting = self._awaited = self.states.topic in tick.states
         self.sample(tick.stamp)
         if not self._awaiting:
             self._answer[:], self._answer_to = 0.0, tick.stamp
@@ -177,13 +179,15 @@ class CommandedNode(HapticNode):
             self._act(self.permitted())
         elif stamp == self._answer_to and not np.array_equal(self._command, self._answer):
             self._driven = False
-            self.fault(CONTRADICTORY_COMMAND, f"{self.commands.topic}: at {seconds(stamp):.4f} s")
+            name = CONTRADICTORY_COMMAND if self._awaited else UNCOORDINATED_COMMAND
+            self.fault(name, f"{self.commands.topic}: at {seconds(stamp):.4f} s")
 
     def on_time_fault(self, detail: str) -> None:
         self._driven = False
         super().on_time_fault(detail)
 
-    def _refuse_stale(self, stamp: int, age: float) -> None:
+    def _refuse(self, stamp: int, age: float) -> None:
+        """A command is too old, or of a time to come."""
         now = self.time.now()
         if not self._driven:
             # While a graph comes up its first answers may be late; it is wrong only if that goes on.
@@ -198,7 +202,9 @@ class CommandedNode(HapticNode):
                 f"of simulated time ({seconds(stamp):.3f} s), and this node goes by the wall: set "
                 "use_sim_time: true here, or stop one of the two graphs"
             )
-        self.fault(STALE_COMMAND, f"{self.commands.topic}: a command {what}")
+        elif age < 0.0:
+            what = f"whose stamp is {-age:.3f} s ahead of this computer's clock"
+        self.fault(FUTURE_COMMAND if age < 0.0 else STALE_COMMAND, f"{self.commands.topic}: a command {what}")
 
     def _command_problem(self, kind: str, detail: str, stamp: int) -> None:
         self._driven = False

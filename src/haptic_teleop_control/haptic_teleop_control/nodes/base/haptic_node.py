@@ -53,6 +53,7 @@ class HapticNode(Node):
     TOPICS: ClassVar[tuple[str, ...]] = ()
     NOTES: ClassVar[tuple[str, ...]] = ()  # further lines of --help
     FAULTS: ClassVar[Mapping[str, str]] = {}
+    FINAL: ClassVar[frozenset[str]] = frozenset()  # those of them that no reset releases
     TABLE: ClassVar[ParameterTable]
     MAY_BE_SIMULATED: ClassVar[bool] = True
 
@@ -140,7 +141,8 @@ class HapticNode(Node):
         if latches:
             self._unsaid.append(self.faults.describe(name, detail))
             self.announce()
-            remedy = "" if name in TIME_FAULTS else f" Output is zero until {self.full_name}/reset"
+            stays = name in TIME_FAULTS or name in self.FINAL
+            remedy = "" if stays else f" Output is zero until {self.full_name}/reset"
             self.get_logger().error(f"FAULT {self.faults.describe(name, detail)}{remedy}")
         elif now - self._last_log.get(name, 0) > LOG_INTERVAL:
             count = self.faults.counts[name]
@@ -177,6 +179,9 @@ class HapticNode(Node):
         )
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.faults.latched in self.FINAL:
+            response.success, response.message = False, f"a reset does not help: {self.faults.sentence}"
+            return response
         released = self.faults.reset()
         self.on_reset()
         self._last_log.clear()
@@ -221,6 +226,10 @@ class HapticNode(Node):
         values.update({f"fault {name}": count for name, count in self.faults.counts.items()})
         return values
 
+    def status_stamp(self) -> int:
+        """ns that `/diagnostics` is stamped with."""
+        return self.time.stamp()
+
     def _publish_status(self, level: bytes, sentence: str, values: dict[str, Any]) -> None:
         status = DiagnosticStatus(
             level=level,
@@ -230,5 +239,5 @@ class HapticNode(Node):
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
         message = DiagnosticArray(status=[status])
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(self.time.stamp(), 10**9)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(self.status_stamp(), 10**9)
         self._diagnostics.publish(message)

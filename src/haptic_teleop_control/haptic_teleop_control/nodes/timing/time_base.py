@@ -28,8 +28,16 @@ LATEST_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
 )
-"""In real time: best effort, because a late sample is worth nothing; depth 10, because depth 1 loses samples
-at every hop under jitter (measured) and 10 adds no delay."""
+"""What our nodes ask for in real time: best effort, because a late sample is worth nothing; depth 10, because
+depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
+
+OFFERED_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+)
+"""What they offer: reliable, so that a subscription with rclpy's default is served, too (draft REP 2003)."""
 
 EVERY_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
@@ -70,7 +78,7 @@ class WallTime:
     """
 
     simulated = over = False
-    qos = LATEST_QOS
+    qos, offered_qos = LATEST_QOS, OFFERED_QOS
 
     def now(self) -> int:
         """ns of the clock by which ages and durations count."""
@@ -110,7 +118,7 @@ class SimulatedTime:
     """
 
     simulated = True
-    qos = EVERY_QOS
+    qos = offered_qos = EVERY_QOS
 
     def __init__(self, node: Node, wall: WallTime) -> None:
         self._node, self._wall = node, wall
