@@ -99,7 +99,8 @@ def questioned(
         # Names found before it may not need that machine.
         result = _before(result, result.choices[-1], far.why)
         doubt = None if result.choices else far
-        stand = stand_of(result, stand.before, found.learn, found.judge)
+        unnamed = Stand(stand.before, stand.before, {})
+        stand = stand_of(result, stand.before, found.learn, found.judge) if result.choices else unnamed
     if (
         doubt is None
         and second_method is not None
@@ -211,15 +212,19 @@ def followed_by_most(found: Explained, result: SearchResult) -> Followed | None:
 
 
 def _gives_way(result: SearchResult, stand: Stand, second_method: SecondMethod, errors: Errors) -> bool:
-    """Whether one of the findings is a torque along the motion whose size is not known, nor that of what else
-    it may be, while no more names of the inverse dynamics explain nearly all, and simulate freely no worse
-    than the structure alone."""
+    """Whether one of the findings is a torque along the motion whose size is not known, nor that of another
+    torque that it may be, while no more names of the inverse dynamics explain nearly all, and simulate freely
+    no worse than the structure alone."""
     unknown = [
         c
         for c in result.choices
         if follows_from_motion(c.chosen.effect.entry)
         and size_unknown(c, result.final, stand.spread)
-        and all(size_unknown(replace(c, chosen=e), e.fit, {}) for e, _ in c.others)
+        and all(
+            size_unknown(replace(c, chosen=e), e.fit, {})
+            for e, _ in c.others
+            if follows_from_motion(e.effect.entry)
+        )
     ]
     return (
         bool(unknown)

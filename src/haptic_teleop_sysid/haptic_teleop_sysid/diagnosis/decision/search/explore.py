@@ -72,13 +72,14 @@ def explore(
     progress: Callable[[str], None] | None = None,
     again: bool = True,
     shifted: Scanned | None = None,
+    further: bool = False,
 ) -> tuple[Fit, list[Explanation]]:
     """The model so far, better fitted where a rival showed the way, and explanations by one further effect,
     best first (material ones before others).
 
     ``fit``: the model so far, fitted; ``lab``: the same effects with the structure's parameters as they were
     believed, which lie nearer the truth than fitted ones where those have swallowed a large effect;
-    ``shifted``: see `late_channels`, where that is known already.
+    ``shifted``: see `late_channels`, where that is known already; ``further``: others were found before.
     """
     say = progress or (lambda text: None)
     limits = within_reach(lab, scales)
@@ -115,16 +116,19 @@ def explore(
     moved = better.log_likelihood > fit.log_likelihood + _ANOTHER_HOLLOW
     stands = bool(fits) and fits[0].log_likelihood > better.log_likelihood + _STANDS
     if again and not fit.model.effects and moved and not stands:
-        return explore(better, lab, estimation, validation, scales, progress, False, shifted)
+        return explore(better, lab, estimation, validation, scales, progress, False, shifted, further)
     fit = better
     say("judging on recordings that were not fitted")
     found = judged(fit, fits, estimation, validation, scales)
-    late = trials.as_promising(found, fits, index)
+    best = next((e for e in found if may_be_chosen(e, further) and not e.effect.entry.unnamed), None)
+    late = [] if best is None else trials.as_promising(best, [*begun, *fits])
     if not late:
         return fit, found
     say("fitting what promised as much")
-    fits = best_of_each([*fits, *ended(late)], index)
-    return fit, judged(fit, fits, estimation, validation, scales)
+    more = ended(_most_material(late, index, scales))
+    more = side_by_side(lambda f: finished(f, estimation, limits), more)
+    fit = better_baseline(fit, best_of_each(more, index)[:_MOST_ABLATED], estimation, limits)
+    return fit, judged(fit, best_of_each([*fits, *more], index), estimation, validation, scales)
 
 
 def _most_material(fits: Sequence[Fit], index: int, scales: Scales) -> list[Fit]:
@@ -157,30 +161,28 @@ class _Trials:
     few: Sequence[Record]
     near: Fit
 
-    def as_promising(self, found: Sequence[Explanation], ended: Sequence[Fit], index: int) -> list[Fit]:
-        """Trials of effects that are not among the ``ended`` fits, and that came as far as that of the best
-        explanation which may be chosen, but for what recordings need to tell two apart. What they cannot tell
-        from it stands beside it, even where more of what other recordings refuse was ahead and was fitted
-        first."""
-        best = next((e for e in found if may_be_chosen(e, further=index > 0)), None)
-        if best is None:
+    def as_promising(self, best: Explanation, ended: Sequence[Fit]) -> list[Fit]:
+        """Trials of effects that are not among the ``ended`` fits, and that came as far as the ``best`` one's
+        trial under the noise model under which that came farther, but for what recordings need to tell two
+        apart. What they cannot tell from it stands beside it, even where more of what other recordings refuse
+        was ahead and was fitted first."""
+
+        def key(fit: Fit) -> tuple[str, str]:
+            return _name(fit.model.effects[best.effect_index])
+
+        def own(trials: Sequence[Fit]) -> float:
+            return max((t.log_likelihood for t in trials if key(t) == _name(best.effect)), default=-np.inf)
+
+        trials = max(self.under, key=own)
+        least = own(trials) - CANNOT_TELL
+        if not np.isfinite(least):
             return []
-        known = {_key(f, index) for f in ended}
-        known |= {_name(best.effect), *map(_name, twins(best.effect, best.fit.model.rigid))}
-        late: list[Fit] = []
-        for trials in self.under:
-            own = [t.log_likelihood for t in trials if _key(t, index) == _name(best.effect)]
-            least = max(own, default=np.inf) - CANNOT_TELL
-            late += [t for t in trials if t.log_likelihood > least and _key(t, index) not in known]
-        return best_of_each(late, index)
+        known = {_name(best.effect), *map(_name, twins(best.effect, best.fit.model.rigid)), *map(key, ended)}
+        return [t for t in trials if t.log_likelihood > least and key(t) not in known]
 
 
 def _name(effect: Effect) -> tuple[str, str]:
     return effect.effect, effect.location
-
-
-def _key(fit: Fit, index: int) -> tuple[str, str]:
-    return _name(fit.model.effects[index])
 
 
 def _tried(

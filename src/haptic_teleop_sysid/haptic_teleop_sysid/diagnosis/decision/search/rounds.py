@@ -109,7 +109,7 @@ def search(
     def explored(fit: Fit, number: int) -> tuple[Fit, list[Explanation]]:
         tell = lambda text: say(f"effect {number}: {text}")  # noqa: E731
         lab = lab_with_effects_of(fit)
-        return explore(fit, lab, estimation, validation, scales, tell, shifted=shifted)
+        return explore(fit, lab, estimation, validation, scales, tell, shifted=shifted, further=number > 1)
 
     # A second effect can take the first one's place, two names can come at once.
     for _ in range(MOST_EFFECTS):
