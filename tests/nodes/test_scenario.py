@@ -261,7 +261,9 @@ def test_its_processes_take_no_module_from_the_working_directory(tmp_path, monke
     assert not (tmp_path / "executed").exists()
 
 
-@pytest.mark.parametrize(("status", "advice"), [(0, "what it recorded is closed"), (137, "recover")])
+@pytest.mark.parametrize(
+    ("status", "advice"), [(0, "recorded is closed"), (1, "recorded is closed"), (137, "recover")]
+)
 def test_a_recorder_that_ends_early_is_to_be_recovered_only_where_it_did_not_close_its_bag(status, advice):
     told = _ended_early([SimpleNamespace(name="recorder", status=status)])
     assert advice in told["recorder"] and f"exit status {status}" in told["recorder"]

@@ -56,7 +56,7 @@ def test_what_is_late_is_told_from_a_delay_at_its_full_force_alone() -> None:
     for delay in np.linspace(0.5, 1.5, 41) * constant:
         apart = 0.0
         for driven, truth in seen:
-            late = np.interp(driven.time - 0.5 * 0.002 - delay, driven.time - 0.5 * 0.002, driven.current)
+            late = np.interp(driven.time - delay, driven.time, driven.current)
             both = whiten(
                 filter_, [truth, Column(motor_force=gain * (late - driven.current))], len(driven.time)
             )

@@ -209,13 +209,14 @@ def test_the_states_of_the_teleoperation_are_recorded_as_the_node_publishes_them
 
 def test_a_recording_holds_the_topics_that_the_recorder_is_told(tmp_path, repository, capsys):
     content = yaml.safe_load((repository / "config/scenario1_sim.yaml").read_text())
-    content["recorder"]["ros__parameters"]["topics"] = ["/reference", "sfj/joint_states", "/diagnostics"]
+    topics = ["/reference", "sfj/joint_states", "/link/teleoperation/master", "/diagnostics"]
+    content["recorder"]["ros__parameters"]["topics"] = topics
     file = tmp_path / "few.yaml"
     file.write_text(yaml.safe_dump(content))
     assert main([str(file), "--duration", "0.5", "--record", str(tmp_path / "few")]) == 0
     with AnyReader([tmp_path / "few"]) as reader:
         assert set(reader.topics) == {"/reference", "/sfj/joint_states"}
-    assert "not recorded, because only nodes have it: /diagnostics" in capsys.readouterr().err
+    assert "nodes alone publish it, or nobody: /link/teleoperation/master\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -113,9 +113,9 @@ def _duration(scenario: ScenarioParameters, duration: float | None) -> float:
 
 
 def not_recorded(scenario: ScenarioParameters, result: ScenarioResult) -> list[str]:
-    """Topics that the file wants recorded and that there are with nodes alone, sorted: diagnostics, and what
-    goes through a link."""
-    return sorted(_named(scenario) - {*result.topics, STATE_TOPIC})
+    """Topics that the file wants recorded and that are not there without nodes, or not at all, sorted. Every
+    file wants diagnostics, which nobody misses here."""
+    return sorted(_named(scenario) - {*result.topics, STATE_TOPIC, "/diagnostics"})
 
 
 def _named(scenario: ScenarioParameters) -> set[str]:
@@ -186,7 +186,7 @@ def _main(argv: list[str]) -> int:
         console.print(f"not coupled at the end, {result.obstacle}", markup=False, soft_wrap=True)
     if options.record:
         if missing := not_recorded(scenario, result):
-            line = f"not recorded, because only nodes have it: {', '.join(missing)}"
+            line = f"not recorded, because nodes alone publish it, or nobody: {', '.join(missing)}"
             console.print(line, markup=False, soft_wrap=True)
         print(options.record)
     return 0

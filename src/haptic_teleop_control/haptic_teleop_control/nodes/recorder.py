@@ -323,7 +323,8 @@ class Recorder(HapticNode):
             )
             self.stop = True
         self.warnings.state("disk", self._space.warning(now, free))
-        if now >= self._deadline:
+        if now >= self._deadline and not self.stop:
+            self.get_logger().info(f"its duration of {self.values['duration']:g} s is over")
             self.stop = True
         if sys.stderr.isatty():
             print(

@@ -202,9 +202,10 @@ def _ended_early(children: Sequence[Child]) -> dict[str, str]:
         if child.status is not None and child.status != REFUSED:
             remedy = ""
             if child.name == Recorder.NAME:
-                # Of itself it ends in order, with a line that says why.
-                closed = "; it has said why, and what it recorded is closed"
-                remedy = "; `haptic-teleop recover` saves what it has written" if child.status else closed
+                # Of itself it ends in order, with a line that says why: 1 where that is a problem.
+                closed = "; what it recorded is closed, and its lines above say why"
+                recover = "; `haptic-teleop recover` saves what it has written"
+                remedy = closed if child.status in (0, 1) else recover
             faults[child.name] = (
                 f"its process ended before the experiment did (exit status {child.status}), and so all of it "
                 f"was ended{remedy}"

@@ -46,8 +46,8 @@ NEARLY_WHOLE = (0.95, 1.06)
 class Rival:
     """One explanation with one shape: columns that add up; `signs`: which must be positive or negative.
 
-    `whole`: one column that counts as it is, but for NEARLY_WHOLE. Half the delay twice is nearly a lag, and
-    no actuator does that.
+    `whole`: one column that counts as it is, but for NEARLY_WHOLE; where the truth is late, so is what is late
+    beside it, because half the delay twice is nearly a lag, and no actuator does that.
     """
 
     effect: str
@@ -297,7 +297,7 @@ def distances(
 
 
 def _left_by_one(gram: Array, chosen: np.intp) -> float:
-    """Return the squared length of column 0 that one column, as long as it is, cannot explain."""
+    """Return the squared length of column 0 that one column, NEARLY_WHOLE, cannot explain."""
     square = max(float(gram[chosen, chosen]), 1e-20)
     share = float(np.clip(gram[0, chosen] / square, *NEARLY_WHOLE))
     return max(float(gram[0, 0]) - 2.0 * share * float(gram[0, chosen]) + share**2 * square, 0.0)

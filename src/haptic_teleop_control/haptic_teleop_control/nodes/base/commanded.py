@@ -74,7 +74,7 @@ class CommandedNode(HapticNode):
         self._awaiting = False  # whether its answer is still to come
         self._answer = np.zeros(len(self.COMMAND_JOINTS))  # to the state of this stamp; 0: to none
         self._answer_to = 0
-        self._awaited = True  # whether that answer was to come from another node
+        self._awaited = False  # whether that answer was to come from another node
         self.silent = False  # whether there is no state to publish at the next tick
         self.warnings.watch(
             lambda: self.dropped,
@@ -136,7 +136,7 @@ class CommandedNode(HapticNode):
             ahead = (stamp - self.sampled) * 1e-9
             self.fault(FUTURE_COMMAND, f"{self.commands.topic}: its stamp is {ahead:.4f} s ahead")
             return False
-        known = stamp in (self.sampled, self._answer_to)
+        known = stamp > 0 and stamp in (self.sampled, self._answer_to)
         self.dropped += not known
         return known
 
@@ -152,10 +152,10 @@ class CommandedNode(HapticNode):
                 self.time.done(silent=self.silent)
             return
         self.sampled = tick.stamp
-        self._awaiting = self._awaited = self.states.topic in tick.states
+        self._awaiting = self.states.topic in tick.states
         self.sample(tick.stamp)
         if not self._awaiting:
-            self._answer[:], self._answer_to = 0.0, tick.stamp
+            self._answer[:], self._answer_to, self._awaited = 0.0, tick.stamp, False
             self._act(None)
 
     def sample(self, stamp: int) -> None:
@@ -174,7 +174,7 @@ class CommandedNode(HapticNode):
     def _take_answer(self) -> None:
         stamp = self.commands.stamp
         if self._awaiting and stamp == self.sampled:
-            self._answer[:], self._answer_to = self._command, stamp
+            self._answer[:], self._answer_to, self._awaited = self._command, stamp, True
             self._driven = True
             self._act(self.permitted())
         elif stamp == self._answer_to and not np.array_equal(self._command, self._answer):
@@ -203,7 +203,7 @@ class CommandedNode(HapticNode):
                 "use_sim_time: true here, or stop one of the two graphs"
             )
         elif age < 0.0:
-            what = f"whose stamp is {-age:.3f} s ahead of this computer's clock"
+            what = f"whose stamp is {-age:.3f} s ahead of this node's time"
         self.fault(FUTURE_COMMAND if age < 0.0 else STALE_COMMAND, f"{self.commands.topic}: a command {what}")
 
     def _command_problem(self, kind: str, detail: str, stamp: int) -> None:

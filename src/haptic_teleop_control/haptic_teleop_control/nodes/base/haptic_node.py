@@ -141,8 +141,7 @@ class HapticNode(Node):
         if latches:
             self._unsaid.append(self.faults.describe(name, detail))
             self.announce()
-            stays = name in TIME_FAULTS or name in self.FINAL
-            remedy = "" if stays else f" Output is zero until {self.full_name}/reset"
+            remedy = "" if self._final(name) else f" Output is zero until {self.full_name}/reset"
             self.get_logger().error(f"FAULT {self.faults.describe(name, detail)}{remedy}")
         elif now - self._last_log.get(name, 0) > LOG_INTERVAL:
             count = self.faults.counts[name]
@@ -178,8 +177,12 @@ class HapticNode(Node):
             DEADLINE_SHARE,
         )
 
+    def _final(self, name: str | None) -> bool:
+        """Whether no reset releases a fault of this name."""
+        return name in self.FINAL or name in TIME_FAULTS
+
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.faults.latched in self.FINAL:
+        if self._final(self.faults.latched):
             response.success, response.message = False, f"a reset does not help: {self.faults.sentence}"
             return response
         released = self.faults.reset()

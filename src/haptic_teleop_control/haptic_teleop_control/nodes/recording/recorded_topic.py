@@ -112,9 +112,13 @@ class RecordedTopic:
             history=HistoryPolicy.KEEP_LAST,
             depth=self.depth,
         )
-        self._drop_outgoing()
         # The old subscription stays until the new one delivers: until then that has not met the publishers.
-        self._outgoing, self._reliable, self._boundary = self._subscription, reliable, None
+        if self._outgoing is not None and self._boundary is None and self._subscription is not None:
+            self.node.destroy_subscription(self._subscription)  # one that has not, either
+        else:
+            self._drop_outgoing()
+            self._outgoing = self._subscription
+        self._reliable, self._boundary = reliable, None
         self._subscription = self.node.create_subscription(self._class, self.name, _never, profile, raw=True)
 
     def _drop_outgoing(self) -> None:
