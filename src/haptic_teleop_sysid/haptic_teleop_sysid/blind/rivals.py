@@ -46,8 +46,8 @@ NEARLY_WHOLE = (0.95, 1.06)
 class Rival:
     """One explanation with one shape: columns that add up; `signs`: which must be positive or negative.
 
-    `whole`: one column that counts as it is, but for NEARLY_WHOLE; where the truth is late, so is what is late
-    beside it, because half the delay twice is nearly a lag, and no actuator does that.
+    `whole`: one column that counts as it is, but for NEARLY_WHOLE. So does what is late where the truth is
+    late: half the delay twice is nearly a lag, and no actuator does that.
     """
 
     effect: str
