@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from haptic_teleop_control.nodes.signal_generator import PHASE
 from haptic_teleop_control.nodes.streams.latency import LatencyMeter
 from haptic_teleop_control.nodes.timing.deadline import DeadlineThread
-from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, OFFERED_QOS
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS
 from haptic_teleop_control.robots import OMNI_JOINTS, SFJ_JOINTS, SFJ_MOTOR_JOINTS
 from haptic_teleop_sim.nodes.omni_sim import OmniSim
 from haptic_teleop_sim.nodes.sfj_sim import SfjSim
@@ -31,7 +31,7 @@ class BareSource(Node):
         self.message = JointState(name=list(joints))
         for field in ("position", "velocity", "effort") if answer else ("position",):
             setattr(self.message, field, array("d", zeros))
-        self.out = self.create_publisher(JointState, topic, OFFERED_QOS)
+        self.out = self.create_publisher(JointState, topic, LATEST_QOS)
         if answer:
             self.create_subscription(JointState, answer, self.take, LATEST_QOS)
         self.thread = DeadlineThread(1.0 / rate, self.cycle, name, phase=PHASES[name])
@@ -61,7 +61,7 @@ class BareRelay(Node):
         self.failure = None
         self.create_subscription(JointState, "/reference", self.take, LATEST_QOS)
         for robot, joints in (("sfj", SFJ_MOTOR_JOINTS), ("omni", OMNI_JOINTS)):
-            out = self.create_publisher(JointState, f"/{robot}/effort_command", OFFERED_QOS)
+            out = self.create_publisher(JointState, f"/{robot}/effort_command", LATEST_QOS)
             answer = JointState(name=list(joints), effort=array("d", [0.0] * len(joints)))
             copy = np.frombuffer(answer.effort)
 

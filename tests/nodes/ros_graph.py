@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from haptic_teleop_control.nodes.base.haptic_node import HapticNode
 from haptic_teleop_control.nodes.base.run import make_executor
 from haptic_teleop_control.nodes.streams.joint_states import stamp_of
-from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, OFFERED_QOS, WallTime
+from haptic_teleop_control.nodes.timing.time_base import LATEST_QOS, WallTime
 
 DEADLINE = 10.0
 
@@ -192,7 +192,7 @@ class Source:
     the one before. qos: of a stream in real time, where none is stated."""
 
     def __init__(
-        self, graph: Graph, topic: str, names: Sequence[str], qos: QoSProfile = OFFERED_QOS
+        self, graph: Graph, topic: str, names: Sequence[str], qos: QoSProfile = LATEST_QOS
     ) -> None:
         self.graph, self.names = graph, list(names)
         self.publisher = graph.probe.create_publisher(JointState, topic, qos)

@@ -5,6 +5,7 @@ import time
 from itertools import pairwise
 
 import pytest
+from rclpy.qos import qos_profile_sensor_data
 from ros_graph import Commanded, Graph, Sink, stamp_of
 from sensor_msgs.msg import JointState
 
@@ -97,9 +98,9 @@ def test_a_controller_that_falls_silent_stops_the_current_within_the_timeout(gra
     assert graph.wall.now() - silent <= 0.1e9 + 2 * 2e6, "ns: the timeout and two samples"
 
 
-def test_a_subscription_with_the_default_quality_of_service_hears_the_states(graph):
+def test_a_subscription_for_sensor_data_hears_the_states(graph):
     heard = []
-    graph.probe.create_subscription(JointState, "/sfj/joint_states", heard.append, 10)
+    graph.probe.create_subscription(JointState, "/sfj/joint_states", heard.append, qos_profile_sensor_data)
     Setting(graph)
     graph.run_until(lambda: len(heard) > 3)
 

@@ -308,9 +308,9 @@ def test_what_gains_too_little_on_thinned_recordings_is_not_fitted_on_all_sample
 ):
     """With a fit of the model so far that ends at 100 there, and one effect that ends so much above it."""
     trial = replace(fit_of(MODEL.with_effects(FRICTION), 100.0 + gained), message="a")
-    ended = []
+    near, ended = fit_of(log_likelihood=100.0), []
     as_it_is = {
-        "_tried": lambda *_: ([trial], ["thinned"], fit_of(log_likelihood=100.0)),
+        "_tried": lambda *_: explore_module._Trials([trial], [[trial]], ["thinned"], near),
         "polish": lambda fit, records, *_: (ended.append(fit.message) if records == ["all"] else None) or fit,
         "with_contact": lambda fit: fit,
         "with_companion": lambda fit, *_: fit,

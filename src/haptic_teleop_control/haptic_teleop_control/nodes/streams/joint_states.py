@@ -4,7 +4,7 @@ All messages of one sender have the same layout, so that stamp and numbers are r
 rclpy needs to make a message object of the bytes, and the reverse, is two thirds of a sample's way.
 
 The quality of service is that of the node's time: in real time only the latest sample counts, in simulated
-time every one. Publishers are reliable, so that any subscription may listen.
+time every one.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class JointStatePublisher:
     def __init__(self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str]) -> None:
         self.joints = tuple(joints)
         self._time = time_base(node)
-        self._publisher = node.create_publisher(JointState, topic, self._time.offered_qos)
+        self._publisher = node.create_publisher(JointState, topic, self._time.qos)
         self.topic = self._publisher.topic_name
         message = zeros(self.joints, fields)
         memory = bytearray(self._PAD) + message

@@ -28,16 +28,8 @@ LATEST_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
 )
-"""What our nodes ask for in real time: best effort, because a late sample is worth nothing; depth 10, because
-depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
-
-OFFERED_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-)
-"""What they offer: reliable, so that a subscription with rclpy's default is served, too (draft REP 2003)."""
+"""In real time: best effort, because a late sample is worth nothing, and a node of simulated time does not hear
+it; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
 
 EVERY_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
@@ -78,7 +70,7 @@ class WallTime:
     """
 
     simulated = over = False
-    qos, offered_qos = LATEST_QOS, OFFERED_QOS
+    qos = LATEST_QOS
 
     def now(self) -> int:
         """ns of the clock by which ages and durations count."""
@@ -118,7 +110,7 @@ class SimulatedTime:
     """
 
     simulated = True
-    qos = offered_qos = EVERY_QOS
+    qos = EVERY_QOS
 
     def __init__(self, node: Node, wall: WallTime) -> None:
         self._node, self._wall = node, wall
