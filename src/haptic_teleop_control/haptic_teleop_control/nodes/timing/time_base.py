@@ -28,8 +28,8 @@ LATEST_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
 )
-"""In real time: best effort, because a late sample is worth nothing, and a node of simulated time does not hear
-it; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
+"""In real time: best effort, because a late sample is worth nothing, and a node of simulated time does not
+hear it; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
 
 EVERY_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
