@@ -197,20 +197,22 @@ def run(scenario: Scenario) -> int:
 def _ended_early(children: Sequence[Child]) -> dict[str, str]:
     """Processes that have ended although nobody had asked them to -> what that means. One that has refused
     to start says so itself."""
-    faults = {}
-    for child in children:
-        if child.status is not None and child.status != REFUSED:
-            remedy = ""
-            if child.name == Recorder.NAME:
-                # Of itself it ends in order, with a line that says why: 1 where that is a problem.
-                closed = "; what it recorded is closed, and its lines above say why"
-                recover = "; `haptic-teleop recover` saves what it has written"
-                remedy = closed if child.status in (0, 1) else recover
-            faults[child.name] = (
-                f"its process ended before the experiment did (exit status {child.status}), and so all of it "
-                f"was ended{remedy}"
-            )
-    return faults
+    return {
+        child.name: f"its process ended before the experiment did (exit status {child.status}), and so all "
+        f"of it was ended{_remedy(child)}"
+        for child in children
+        if child.status is not None and child.status != REFUSED
+    }
+
+
+def _remedy(child: Child) -> str:
+    """What a recorder that has ended leaves to do; of itself it ends in order, with 1 where there is a
+    problem, and a line that says why."""
+    if child.name != Recorder.NAME:
+        return ""
+    if child.status in (0, 1):
+        return "; what it recorded is closed, and its lines above say why"
+    return "; `haptic-teleop recover` saves what it has written"
 
 
 def _causes(faults: dict[str, str]) -> dict[str, str]:

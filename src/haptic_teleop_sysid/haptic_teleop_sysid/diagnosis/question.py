@@ -98,9 +98,10 @@ def questioned(
     while doubt is None and (far := beyond_reach(result, found.given)) is not None:
         # Names found before it may not need that machine.
         result = _before(result, result.choices[-1], far.why)
-        doubt = None if result.choices else far
-        unnamed = Stand(stand.before, stand.before, {})
-        stand = stand_of(result, stand.before, found.learn, found.judge) if result.choices else unnamed
+        if result.choices:
+            stand = stand_of(result, stand.before, found.learn, found.judge)
+        else:
+            doubt, stand = far, Stand(stand.before, stand.before, {})
     if (
         doubt is None
         and second_method is not None

@@ -53,7 +53,7 @@ class HapticNode(Node):
     TOPICS: ClassVar[tuple[str, ...]] = ()
     NOTES: ClassVar[tuple[str, ...]] = ()  # further lines of --help
     FAULTS: ClassVar[Mapping[str, str]] = {}
-    FINAL: ClassVar[frozenset[str]] = frozenset()  # those of them that no reset releases
+    FINAL: ClassVar[frozenset[str]] = frozenset(TIME_FAULTS)  # those that no reset releases
     TABLE: ClassVar[ParameterTable]
     MAY_BE_SIMULATED: ClassVar[bool] = True
 
@@ -141,7 +141,7 @@ class HapticNode(Node):
         if latches:
             self._unsaid.append(self.faults.describe(name, detail))
             self.announce()
-            remedy = "" if self._final(name) else f" Output is zero until {self.full_name}/reset"
+            remedy = "" if name in self.FINAL else f" Output is zero until {self.full_name}/reset"
             self.get_logger().error(f"FAULT {self.faults.describe(name, detail)}{remedy}")
         elif now - self._last_log.get(name, 0) > LOG_INTERVAL:
             count = self.faults.counts[name]
@@ -177,12 +177,8 @@ class HapticNode(Node):
             DEADLINE_SHARE,
         )
 
-    def _final(self, name: str | None) -> bool:
-        """Whether no reset releases a fault of this name."""
-        return name in self.FINAL or name in TIME_FAULTS
-
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._final(self.faults.latched):
+        if self.faults.latched in self.FINAL:
             response.success, response.message = False, f"a reset does not help: {self.faults.sentence}"
             return response
         released = self.faults.reset()
