@@ -29,8 +29,7 @@ def as_result(
     simulated: Simulated,
 ) -> tuple[SearchResult, Doubt | None]:
     """The second method's answer as a search's result, and the doubt where its name explains too little;
-    ``errors``,
-    ``simulated``: see `free_run_sizes`."""
+    ``errors``, ``simulated``: see `free_run_sizes`."""
     assert second_method.chosen is not None
     # The sizes are those of runs as long as the reported ones.
     judged = replace(second_method.chosen, errors=errors(second_method.chosen.group.model))
