@@ -478,6 +478,7 @@ def test_a_recorder_flushes_and_ends_by_what_it_has_kept_whatever_the_wall_clock
         setting.coordinator.resume()
         setting.let_live(lambda: spin() or recorder.stop)
         assert max(recorder._kept.values()) >= sample_stamp(250, 500.0) > ORIGIN
+        assert recorder.status_stamp() == max(recorder._kept.values()), "and its diagnostics tell that time"
     finally:
         graph.executor.remove_node(recorder)
         recorder.shutdown_safely()
