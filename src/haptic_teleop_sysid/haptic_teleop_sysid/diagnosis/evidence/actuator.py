@@ -68,7 +68,7 @@ def joined(
         parameter = f"{location}.{name}.{SHOWN[name]}"
         fits = [_held(fit, s, parameter, lab_constant, estimation, limits)]
         fits += [e.fit for e in found if (e.effect.effect, e.effect.location) == (name, location)]
-        for e in judged(fit, fits, estimation, validation, scales):
+        for e in judged(fit, fits, estimation, validation, scales, known=s.gain):
             # What N·m of the lab's torque constant are in those of the fit.
             unit = e.fit.model.parameters["torque_constant"] / lab_constant if _a_torque(s.effect) else 1.0
             if parameter in e.fit.free and standard_errors(e.fit).get(parameter, 0.0) > unit * s.std:

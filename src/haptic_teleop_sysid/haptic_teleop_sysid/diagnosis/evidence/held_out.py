@@ -41,10 +41,16 @@ _A_HOLLOW = 1.0
 
 
 def judged(
-    fit: Fit, fits: Sequence[Fit], estimation: Sequence[Record], validation: Sequence[Record], scales: Scales
+    fit: Fit,
+    fits: Sequence[Fit],
+    estimation: Sequence[Record],
+    validation: Sequence[Record],
+    scales: Scales,
+    *,
+    known: float = 0.0,
 ) -> list[Explanation]:
     """The fits to the estimation recordings as explanations beside ``fit``, best first (material ones before
-    others)."""
+    others); ``known``: what speaks for them on these already, nats."""
     if not fits:
         return []
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
@@ -69,7 +75,8 @@ def judged(
         gain = f.log_likelihood - fit.log_likelihood
         held_out, reconciled_more = there.log_likelihood - before.log_likelihood, beside - alone
         loss = -(held_out + reconciled_more)
-        slight = gain >= CLEAR_GAIN and 0.0 < loss < _BY_THE_STRUCTURE * gain
+        clear = gain + known
+        slight = clear >= CLEAR_GAIN and 0.0 < loss < _BY_THE_STRUCTURE * clear
         if slight and _unreached(there, index, validation):
             held_out = reconciled_more = 0.0
         found.append(

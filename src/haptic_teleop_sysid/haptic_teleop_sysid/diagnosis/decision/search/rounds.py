@@ -20,6 +20,7 @@ from ...hypotheses.twins import with_twins
 from ...inputs.scales import Scales, recording_scales, within_reach
 from .decide import Choice, choose
 from .explore import explore
+from .fitted_further import fitted_further
 from .plainer_form import told_plainly
 from .two_names import two_names
 from .without_the_first import without_the_first
@@ -120,6 +121,9 @@ def search(
         fit, found = explored(fit, number)
         if number == 1:
             baseline = fit
+        else:
+            choices = fitted_further(choices, baseline, fit, estimation, validation, scales)
+            strongest = max(strongest, choices[-1].chosen.by_motion)
         if shown and not any(c.chosen.by_current > 0.0 for c in choices):
             found = joined(fit, model, found, shown, estimation, validation, scales, limits)
         found = with_twins(found)
