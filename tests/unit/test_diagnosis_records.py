@@ -58,18 +58,15 @@ def test_an_angle_that_is_read_seldom_is_refused_with_what_to_do(data):
         records_of([seldom])
 
 
-def test_short_recordings_count_together_and_each_kind_needs_enough(data):
-    """A lab that records one move after the other has many recordings of a few seconds."""
+def test_short_recordings_count_each_and_one_that_is_too_short_is_refused(data):
+    """A lab that records one move after the other has many recordings of a few seconds; an arm's log of 12 s
+    at 30 Hz, 363 samples, was refused."""
     n = len(data)
     moves = [replace(holed(data, (0, k), (k + 300, n)), name=f"move{k}") for k in (600, 1200, 1800)]
     assert [len(r) for r in records_of(moves)] == [300] * 3
-    with pytest.raises(RecordingError, match="move600: 300 samples in all"):
-        records_of(moves[:1])
+    assert [len(r) for r in records_of(moves[:1])] == [300]
     with pytest.raises(RecordingError, match="has 200 samples without a hole"):
         records_of([*moves, holed(data, (200, n))])
-    other = load_dataset(stage_recording(seed=4, seconds=6.0), STAGE)
-    with pytest.raises(RecordingError, match="move600: 300 samples in all"):
-        refuse_unusable([other], moves[:1], [])
 
 
 @pytest.mark.parametrize(("field", "what"), [("commanded_input", "input"), ("motor_position", "motor angle")])

@@ -54,7 +54,8 @@ class AcquisitionNode(HapticNode):
         self.create_subscription(DiagnosticArray, "/diagnostics", with_info(self._on_diagnostics), 10)
         self._first: int | None = None
         self._last = 0
-        self._out = JointStatePublisher(self, f"{robot}/effort_command", experiment.motors, ("effort",))
+        commands = f"{robot}/effort_command"
+        self._out = JointStatePublisher(self, commands, experiment.motors, ("effort",), command=True)
         field = "position" if experiment.closed else "effort"
         self._reference = JointStatePublisher(self, "reference", (experiment.driven,), (field,))
         self._signal = self._reference.view[field]

@@ -12,7 +12,7 @@ from haptic_teleop_sysid.estimation.records import LONGEST_HOLE, Record, records
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 from .evidence.consistency import refuse_other_signs, refuse_other_units, refuse_unrelated
-from .inputs.cuts import FEWEST_SAMPLES, SHORTEST_STRETCH
+from .inputs.cuts import SHORTEST_STRETCH
 from .inputs.plausible import (
     refuse_constant_input,
     refuse_copies,
@@ -46,8 +46,7 @@ def records_of(data: list[DataSet]) -> list[Record]:
         if len(longest) < SHORTEST_STRETCH:
             raise RecordingError(
                 f"{dataset.name} has {len(longest)} samples without a hole; a diagnosis needs at least "
-                f"{SHORTEST_STRETCH} in a row, and {FEWEST_SAMPLES} in all: record for longer, or leave it "
-                "out."
+                f"{SHORTEST_STRETCH} in a row: record for longer, or leave it out."
             )
         used = [piece for piece in pieces if len(piece) >= SHORTEST_STRETCH]
         refuse_motionless(used, dataset.joint)
@@ -55,12 +54,6 @@ def records_of(data: list[DataSet]) -> list[Record]:
         if driven:  # an input may change from piece to piece alone
             refuse_unrelated(max(driven, key=len), dataset.joint)
         records += used
-    together = sum(map(len, records))
-    if records and together < FEWEST_SAMPLES:
-        raise RecordingError(
-            f"{', '.join(d.name for d in data)}: {together} samples in all; a diagnosis needs at least "
-            f"{FEWEST_SAMPLES} of each kind (estimation, validation, test): record for longer."
-        )
     return records
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from haptic_teleop_control.errors import ConfigurationError, RecordingError
 from haptic_teleop_sim.model import Model
 from haptic_teleop_sysid.diagnosis.decision.adequacy import SLIGHT_ERROR
-from haptic_teleop_sysid.diagnosis.inputs.cuts import FEWEST_SAMPLES, refuse_too_long
+from haptic_teleop_sysid.diagnosis.inputs.cuts import SHORTEST_STRETCH, refuse_too_long
 from haptic_teleop_sysid.diagnosis.inputs.uses import cut_behind, longest_stretch, usable_seconds
 from haptic_teleop_sysid.diagnosis.report.summary import moved_words
 from haptic_teleop_sysid.logs.reading import is_foreign
@@ -81,8 +81,8 @@ def diagnose_one(model: Model, groups: Groups, options: Options, folder: Path) -
 def split(data: DataSet) -> tuple[list[DataSet], list[DataSet]]:
     """Return a recording without its last third, and that. Raises RecordingError where they are too short."""
     first, last = cut_behind(data, JUDGES * usable_seconds(data))
-    if min(longest_stretch(first), longest_stretch(last)) < FEWEST_SAMPLES:
-        least = FEWEST_SAMPLES / JUDGES * data.dt
+    if min(longest_stretch(first), longest_stretch(last)) < SHORTEST_STRETCH:
+        least = SHORTEST_STRETCH / JUDGES * data.dt
         raise RecordingError(
             f"{data.name} is too short to learn from one part and judge by another: give --validation, or "
             f"record for longer ({least:.3g} s at least)."

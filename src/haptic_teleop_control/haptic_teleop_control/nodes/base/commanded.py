@@ -67,6 +67,7 @@ class CommandedNode(HapticNode):
             self, "effort_command", self.COMMAND_JOINTS, ("effort",),
             self.on_command, self._command_problem, self._accept, silence=self.values["timeout"],
             listening=False,  # until the start: another graph's commands are not for this robot
+            command=True,
         )  # fmt: skip
         self._command = self.commands.value["effort"]
         self._last_stamp = 0

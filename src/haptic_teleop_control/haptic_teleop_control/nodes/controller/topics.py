@@ -38,7 +38,7 @@ class RobotTopics:
         states, motors = JOINTS[name]
         self.name = name
         self.last_stamp = self.seen = self.answered = 0
-        self.out = JointStatePublisher(node, f"{name}/effort_command", motors, ("effort",))
+        self.out = JointStatePublisher(node, f"{name}/effort_command", motors, ("effort",), command=True)
         self.effort = self.out.view["effort"]
         self.input = JointStateReceiver(
             node, f"{name}/joint_states", states, FIELDS,

@@ -7,31 +7,39 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from haptic_teleop_control.nodes.streams.senders import process_of
+from haptic_teleop_control.nodes.timing.time_base import EVERY_QOS
+from haptic_teleop_control.recorder_parameters import JOINT_STATE
 
 Receive = Callable[["RecordedTopic", bytes, int, int], None]
+Wanted = tuple[ReliabilityPolicy, LivelinessPolicy]
+
+_ANYTHING: Wanted = (ReliabilityPolicy.BEST_EFFORT, LivelinessPolicy.AUTOMATIC)
+_RELIABLE: Wanted = (ReliabilityPolicy.RELIABLE, LivelinessPolicy.AUTOMATIC)
+_OF_SIMULATED_TIME: Wanted = (EVERY_QOS.reliability, EVERY_QOS.liveliness)
 
 
 class RecordedTopic:
     """Subscribes to `name`; `drain` hands each message to `receive(topic, data, received ns, published ns)`.
 
-    Before a publisher is known it subscribes best effort, which any publisher can serve, unless all are
-    `reliable`, as in simulated time, where one that is not goes by the wall and is not heard beside one that
-    is. When `follow` finds that all publishers are reliable it changes to a reliable subscription, without a
-    gap and without taking a message twice. only: ids of processes whose messages are taken, if not all;
-    `foreign` counts others. A type that is not known in advance is taken from the publishers. `problem` is a
-    sentence or empty; `missed` counts messages that the publishers numbered but that did not arrive.
+    Before a publisher is known it subscribes best effort, which any publisher can serve; in `simulated` time
+    reliable, and to joint states with the liveliness that nodes which go by the wall do not offer (see
+    `time_base`): they are not heard. When `follow` finds that all publishers offer more or less, it changes
+    its subscription, without a gap and without taking a message twice. only: ids of processes whose messages
+    are taken, if not all; `foreign` counts others. A type that is not known in advance is taken from the
+    publishers. `problem` is a sentence or empty; `missed` counts messages that the publishers numbered but
+    that did not arrive.
 
     `node` must not be in an executor: messages are taken here in batches, at a fraction of the cost of one
     callback each, and with the middleware's own time of reception.
     """
 
     def __init__(
-        self, node: Node, name: str, kind: str | None, depth: int, receive: Receive, reliable: bool = False
+        self, node: Node, name: str, kind: str | None, depth: int, receive: Receive, simulated: bool = False
     ) -> None:
         self.node, self.name, self.kind, self.depth = node, name, kind, depth
         self.receive = receive
@@ -40,8 +48,8 @@ class RecordedTopic:
         self.missed = 0
         self.foreign = 0
         self.only: frozenset[str] = frozenset()
-        self._simulated = reliable
-        self._reliable = False
+        self._simulated = simulated
+        self._wanted = _ANYTHING
         self._class: type | None = None
         self._subscription = None
         self._outgoing = None
@@ -49,7 +57,8 @@ class RecordedTopic:
         self._last_published = 0
         self._sequence: dict[bytes, int] = {}
         if kind is not None:
-            self._subscribe(reliable)
+            of_simulated_time = _OF_SIMULATED_TIME if kind == JOINT_STATE else _RELIABLE
+            self._subscribe(of_simulated_time if simulated else _ANYTHING)
 
     @property
     def publishers(self) -> int:
@@ -61,7 +70,8 @@ class RecordedTopic:
         if self._subscription is None:
             return "0"
         count = self._subscription.get_publisher_count()
-        return f"{count} ({'reliable' if self._reliable else 'best effort'})"
+        reliable = self._wanted[0] == ReliabilityPolicy.RELIABLE
+        return f"{count} ({'reliable' if reliable else 'best effort'})"
 
     def follow(self) -> None:
         """Adapts to the publishers that there are now."""
@@ -75,11 +85,9 @@ class RecordedTopic:
             self.problem = (
                 f"{self.name} is also published as {', '.join(sorted(others))}, which is not recorded"
             )
-        reliable = (any if self._simulated else all)(
-            offer.qos_profile.reliability == ReliabilityPolicy.RELIABLE for offer in offers
-        )
-        if self._subscription is None or reliable != self._reliable:
-            self._subscribe(reliable)
+        wanted = self._served({(o.qos_profile.reliability, o.qos_profile.liveliness) for o in offers})
+        if self._subscription is None or wanted != self._wanted:
+            self._subscribe(wanted)
         elif self._boundary is not None:
             self._drop_outgoing()
 
@@ -99,7 +107,15 @@ class RecordedTopic:
             if published >= self._boundary:
                 self._take(data, info)
 
-    def _subscribe(self, reliable: bool) -> None:
+    def _served(self, offers: set[Wanted]) -> Wanted:
+        """The most that all of the offers serve; in simulated time those of nodes that take part in it,
+        where there are any."""
+        if self._simulated and _OF_SIMULATED_TIME in offers:
+            return _OF_SIMULATED_TIME
+        reliable = all(reliability == ReliabilityPolicy.RELIABLE for reliability, _ in offers)
+        return _RELIABLE if reliable else _ANYTHING
+
+    def _subscribe(self, wanted: Wanted) -> None:
         self._class = _message_class(self.kind or "")
         if self._class is None:
             self.problem = (
@@ -107,7 +123,8 @@ class RecordedTopic:
             )
             return
         profile = QoSProfile(
-            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            reliability=wanted[0],
+            liveliness=wanted[1],
             durability=DurabilityPolicy.VOLATILE,
             history=HistoryPolicy.KEEP_LAST,
             depth=self.depth,
@@ -118,7 +135,7 @@ class RecordedTopic:
         else:
             self._drop_outgoing()
             self._outgoing = self._subscription
-        self._reliable, self._boundary = reliable, None
+        self._wanted, self._boundary = wanted, None
         self._subscription = self.node.create_subscription(self._class, self.name, _never, profile, raw=True)
 
     def _drop_outgoing(self) -> None:

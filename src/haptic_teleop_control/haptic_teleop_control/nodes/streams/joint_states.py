@@ -3,8 +3,8 @@
 All messages of one sender have the same layout, so that stamp and numbers are read and written in place: what
 rclpy needs to make a message object of the bytes, and the reverse, is two thirds of a sample's way.
 
-The quality of service is that of the node's time: in real time only the latest sample counts, in simulated
-time every one.
+The quality of service is that of the node's time: in real time only the latest sample counts to a node, in
+simulated time every one.
 """
 
 from __future__ import annotations
@@ -54,16 +54,18 @@ class JointStatePublisher:
     """Publishes joint states of fixed joints from one serialized message; to be used by one thread at a time.
 
     `fields` are those that the messages carry; `view[field]` is the message's own memory as a float64 array
-    (joints,), to be filled in place before `send`.
+    (joints,), to be filled in place before `send`. `command`: they command a robot.
     """
 
     # The numbers lie at multiples of 8 after the 4 bytes of the encapsulation; so do they in this memory.
     _PAD = 4
 
-    def __init__(self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str]) -> None:
+    def __init__(
+        self, node: Node, topic: str, joints: Sequence[str], fields: Sequence[str], command: bool = False
+    ) -> None:
         self.joints = tuple(joints)
         self._time = time_base(node)
-        self._publisher = node.create_publisher(JointState, topic, self._time.qos)
+        self._publisher = node.create_publisher(JointState, topic, self._time.offered(command))
         self.topic = self._publisher.topic_name
         message = zeros(self.joints, fields)
         memory = bytearray(self._PAD) + message
@@ -118,7 +120,7 @@ class JointStateReceiver:
     Samples are taken from one publisher only (`SenderGuard`). When another one sends, too, its samples are
     left out, `on_problem` is called with SECOND_SENDER and both names, and the first one's samples go on to
     be taken; `silence` (s) without any lets another take its place. Not `listening`, it takes nothing until
-    `listen`; in simulated time, nothing until the node takes part.
+    `listen`; in simulated time, nothing until the node takes part. `command`: the samples command this node.
     """
 
     def __init__(
@@ -132,6 +134,7 @@ class JointStateReceiver:
         accept: Callable[[int, int], bool] | None = None,
         silence: float = SENDER_SILENCE,
         listening: bool = True,
+        command: bool = False,
     ) -> None:
         self.joints = tuple(joints)
         self.stamp = 0
@@ -152,11 +155,11 @@ class JointStateReceiver:
         self._accept = accept
         self._listening = self._destroyed = False
         callback = with_info(self._receive)
+        self._time = time_base(node)
         self._subscription = node.create_subscription(
-            JointState, topic, callback, time_base(node).qos, raw=True
+            JointState, topic, callback, self._time.wanted(command), raw=True
         )
         self.topic = self._subscription.topic_name
-        self._time = time_base(node)
         self._now = self._time.now
         self._sender = SenderGuard(round(silence * 1e9), lambda: publishers(node, self.topic), self._clash)
         if listening:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
 
 from haptic_teleop_control.nodes.timing.exchange import ParticipantEnd
@@ -28,16 +28,37 @@ LATEST_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
 )
-"""In real time: best effort, because a late sample is worth nothing, and a node of simulated time does not
-hear it; depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
+"""In real time, of commands and of what a node hears: best effort, because a late sample is worth nothing;
+depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
+
+OFFERED_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+)
+"""In real time, of all that is published but commands: whoever wants every sample, as a recorder does, or
+subscribes with rclpy's default, is served, too (REP 2003). No sender ever waits for that."""
 
 EVERY_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=4000,
+    liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
 )
-"""In simulated time: nothing may be lost, and a recorder may be some hundred samples behind."""
+"""In simulated time: nothing may be lost, and a recorder may be some hundred samples behind. The liveliness,
+of no meaning without a lease, is what only nodes of simulated time offer: who asks for it does not hear
+those that go by the wall."""
+
+ANY_QOS = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=4000,
+)
+"""In simulated time, of the commands that a robot hears: one that goes by the wall is a fault, not
+silence."""
 
 POLL = 0.05
 """s between two looks at the coordinator."""
@@ -70,7 +91,14 @@ class WallTime:
     """
 
     simulated = over = False
-    qos = LATEST_QOS
+
+    def offered(self, command: bool) -> QoSProfile:
+        """The quality of service of a topic of joint states that a node publishes."""
+        return LATEST_QOS if command else OFFERED_QOS
+
+    def wanted(self, command: bool) -> QoSProfile:
+        """The quality of service of a topic of joint states that a node hears."""
+        return LATEST_QOS
 
     def now(self) -> int:
         """ns of the clock by which ages and durations count."""
@@ -110,7 +138,6 @@ class SimulatedTime:
     """
 
     simulated = True
-    qos = EVERY_QOS
 
     def __init__(self, node: Node, wall: WallTime) -> None:
         self._node, self._wall = node, wall
@@ -118,6 +145,12 @@ class SimulatedTime:
         self.participant: Participant | None = None
         self._told = False
         self._upon_joining: list[Callable[[], None]] = []
+
+    def offered(self, command: bool) -> QoSProfile:
+        return EVERY_QOS
+
+    def wanted(self, command: bool) -> QoSProfile:
+        return ANY_QOS if command else EVERY_QOS
 
     def now(self) -> int:
         return ORIGIN if self.participant is None else self.participant.stamp

@@ -13,9 +13,9 @@ from haptic_teleop_sysid.estimation.records import records_from
 from haptic_teleop_sysid.recordings.channels import STATES
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
-#: Samples, of all recordings of one kind together, below which nothing can be said about six parameters and
-#: their noise (a log of 5 s at 100 Hz has less than 500); and in a row, of the shortest piece that counts.
-FEWEST_SAMPLES, SHORTEST_STRETCH = 400, 250
+#: Samples in a row of the shortest piece that counts: below, nothing can be said about six parameters and
+#: their noise. A log of 12 s at 30 Hz has some more.
+SHORTEST_STRETCH = 250
 #: Samples of all recordings together that a diagnosis keeps in memory, so that it stays below 2 GiB.
 MOST_SAMPLES = 800_000
 #: What is said begins so of a recording of which most is not used.

@@ -19,7 +19,7 @@ from haptic_teleop_sysid.recordings.dataset import DataSet
 from haptic_teleop_sysid.simulation.fit import SimulatedFit, choose_windows, simulated_fit
 from haptic_teleop_sysid.simulation.windows import Windows
 
-from .cuts import FEWEST_SAMPLES
+from .cuts import SHORTEST_STRETCH
 
 #: Validation (s) from which a part of it is kept to show with, that part, and the share by which a recording
 #: may be shorter than it is said to be: samples are lost at its ends.
@@ -140,7 +140,7 @@ def _without_last(
         kept.insert(0, rest.pop())
     if seconds >= SHORTEST_PIECE:
         first, last = cut_behind(rest[-1], seconds)
-        if min(longest_stretch(first), longest_stretch(last)) >= FEWEST_SAMPLES:
+        if min(longest_stretch(first), longest_stretch(last)) >= SHORTEST_STRETCH:
             rest[-1] = first
             kept.insert(0, last)
     return tuple(rest), tuple(kept)
