@@ -1,4 +1,4 @@
-"""Qualities of service: who only listens hears every stream, and a node of simulated time none of the wall's."""
+"""Qualities of service: who listens hears every stream, and a node of simulated time none of the wall."""
 
 import pytest
 from rclpy.qos import QoSProfile

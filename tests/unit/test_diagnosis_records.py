@@ -10,7 +10,7 @@ from haptic_teleop_control.errors import RecordingError
 from haptic_teleop_sysid.diagnosis.evidence.recorded_currents import Currents
 from haptic_teleop_sysid.diagnosis.evidence.shown_by_current import _starts, shown_by_current
 from haptic_teleop_sysid.diagnosis.inputs.plausible import refuse_copies, with_contradictions
-from haptic_teleop_sysid.diagnosis.usable import records_of, refuse_unusable
+from haptic_teleop_sysid.diagnosis.usable import records_of
 from haptic_teleop_sysid.recordings.dataset import load_dataset
 
 
