@@ -9,6 +9,7 @@ from identification_plants import STAGE, stage_recording
 
 from haptic_teleop_sim.model import Effect
 from haptic_teleop_sysid.diagnosis.decision.search.decide import Choice
+from haptic_teleop_sysid.diagnosis.decision.search.fitted_further import fitted_further
 from haptic_teleop_sysid.diagnosis.decision.search.without_the_first import without_the_first
 from haptic_teleop_sysid.diagnosis.hypotheses.explanation import Explanation
 from haptic_teleop_sysid.diagnosis.inputs.scales import recording_scales, within_reach
@@ -107,6 +108,26 @@ def test_the_nuisance_of_the_first_falls_with_it():
     (found,) = alone((PLAIN,), PULL, PRELOAD, PLAIN)
     assert found.effect.effect == "coulomb_friction"
     assert [e.effect for e in found.fit.model.effects] == ["coulomb_friction"]
+
+
+def test_a_finding_takes_the_better_fit_of_a_later_round_and_is_asked_with_that():
+    """A payload was doubted for what its own fit left, which had ended in a hollow 600 nats below the one that
+    the next round began with."""
+    learn, judge = records(PLAIN), records(PLAIN, seeds=(2,), rms=0.08)
+    baseline = fit_from_scratch(STAGE, learn)
+    model = STAGE.with_effects(Effect(PLAIN.effect, PLAIN.location, {"torque": 0.03}))
+    first = fit_whole(model, baseline.noise, learn, iterations=1)
+    ended = fit_whole(first.model, first.noise, learn, iterations=30)
+    assert ended.log_likelihood > first.log_likelihood + 20.0
+    choice = Choice(Explanation(first, first.log_likelihood - baseline.log_likelihood, 40.0, True, 0), 1.0)
+    scales = recording_scales(baseline.model, learn)
+    (found,) = fitted_further([choice], baseline, ended, learn, judge, scales)
+    assert found.chosen.fit is ended and found.chosen.effect.values["torque"] == pytest.approx(0.1, rel=0.1)
+    assert found.chosen.gain == pytest.approx(ended.log_likelihood - baseline.log_likelihood)
+    assert found.chosen.held_out > 40.0
+    nearly = replace(ended, log_likelihood=ended.log_likelihood - 4.0)
+    same = Choice(replace(choice.chosen, fit=nearly), 1.0)
+    assert fitted_further([same], baseline, ended, learn, judge, scales) == [same]
 
 
 @pytest.mark.long
