@@ -73,12 +73,20 @@ def _spread(
     again = fit_whole(fit.model, there.noise, validation, free=free, known=known)
     here, elsewhere = fit.model.parameter_values(), again.model.parameter_values()
     std, std_there = standard_errors(fit, held), standard_errors(again)
+    neutral = {
+        f"{e.location}.{e.effect}.{p.name}": p.neutral
+        for e in fit.model.effects
+        for p in e.entry.parameters
+        if p.neutral is not None and np.isfinite(p.neutral)
+    }
     spread = {}
     for name in names:
         chance = std.get(name, 0.0) ** 2 + std_there.get(name, 0.0) ** 2
         apart = (here[name] - elsewhere[name]) ** 2
-        # Recordings that hardly determine a size say nothing of its spread.
-        spread[name] = float(np.sqrt((apart - chance) / 2.0)) if apart > SIGNIFICANT**2 * chance else 0.0
+        # Recordings that hardly determine a size, or could not tell it from none, say nothing of its spread.
+        blind = name in neutral and abs(here[name] - neutral[name]) < std_there.get(name, 0.0)
+        varies = apart > SIGNIFICANT**2 * chance and not blind
+        spread[name] = float(np.sqrt((apart - chance) / 2.0)) if varies else 0.0
     return spread
 
 
