@@ -25,7 +25,7 @@ from haptic_teleop_sysid.blind.cases import draw_case
 from haptic_teleop_sysid.blind.detect import Column, whiten, whitener
 from haptic_teleop_sysid.blind.effects import BY_NAME, PLACES
 from haptic_teleop_sysid.blind.physics import integrate
-from haptic_teleop_sysid.blind.planting import contribution, run, shares_of
+from haptic_teleop_sysid.blind.planting import _read_at, contribution, run, shares_of
 from haptic_teleop_sysid.blind.robot import Robot, disturbance
 from haptic_teleop_sysid.blind.runner import parse_cases, plan
 from haptic_teleop_sysid.blind.scoring import score_case
@@ -107,6 +107,19 @@ def test_a_delay_between_two_integration_steps_is_not_rounded() -> None:
     speed = np.std(calm[:, 2])  # one integration step would be 2e-5 s x speed
     assert np.max(np.abs(late[:, 0] - at_actuator)[50:]) < 2e-6 * speed + 1e-6
     assert np.max(np.abs(late[:, 6] - shown)[50:]) < 2e-6 * speed + 1e-6
+
+
+def test_a_skewed_reading_is_where_the_axis_was_under_a_lively_command_too() -> None:
+    """The chord between two readings of such a motion is off by more than an encoder's step: two delays of a
+    force loop were better explained by a lag."""
+    current = np.random.default_rng(2).uniform(-0.3, 0.3, 2000)
+    error = {"m_ecc_amp": 1e-3, "m_ecc_order": 5.0}
+    late, calm = moved(error | {"m_sensor_delay": 0.00097}, current), moved(error, current)
+    shown = _read_at(calm[:, 6], calm[:, 0], calm[:, 2], 0.00097)
+    time = np.arange(2000) * 0.002
+    chord = np.interp(time - 0.00097, time, calm[:, 6])
+    assert np.max(np.abs(late[:, 6] - shown)[5:]) < 1e-6
+    assert np.max(np.abs(late[:, 6] - chord)[5:]) > 1e-5
 
 
 def test_a_lag_ends_where_the_exponential_does() -> None:

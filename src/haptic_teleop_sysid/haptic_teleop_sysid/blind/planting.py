@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from haptic_teleop_sysid.blind.detect import COLUMNS, Column, Driven, Whitener, detectability
 from haptic_teleop_sysid.blind.effects import Kind, Parameters, Scene
@@ -117,15 +118,25 @@ def run(
                 sensed = _shifted(sensed, delay)
             else:
                 side = one.part.removesuffix("_encoder")
-                shown[side] = _shifted(shown[side], delay)
+                at = 0 if side == "motor" else 1
+                shown[side] = _read_at(shown[side], out[:, at], out[:, 2 + at], delay)
                 step = robot.vector()[7 if side == "motor" else 8]
                 read[side] = shown[side] if quiet else step * np.floor(shown[side] / step + 0.5)
     return Run(out, sensed, read["motor"], read["arm"], shown["motor"], shown["arm"])
 
 
 def _shifted(values: Array, delay: float) -> Array:
+    """Means over samples of what was held over them, `delay` later (s)."""
     time = np.arange(len(values)) * PERIOD
     return np.interp(time - delay, time, values)
+
+
+def _read_at(shown: Array, angle: Array, velocity: Array, delay: float) -> Array:
+    """What an encoder shows `delay` later (s), rad: between samples the axis moves as its angles and velocities
+    say, not along a chord, which a lively command bends by more than an encoder's step."""
+    time = np.arange(len(shown)) * PERIOD
+    moved = CubicHermiteSpline(time, angle, velocity)(np.clip(time - delay, time[0], time[-1]))
+    return np.asarray(moved + _shifted(shown - angle, delay), dtype=np.float64)
 
 
 def shares_of(
