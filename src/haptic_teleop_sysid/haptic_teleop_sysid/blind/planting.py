@@ -132,8 +132,8 @@ def _shifted(values: Array, delay: float) -> Array:
 
 
 def _read_at(shown: Array, angle: Array, velocity: Array, delay: float) -> Array:
-    """What an encoder shows `delay` later (s), rad: between samples the axis moves as its angles and velocities
-    say, not along a chord, which a lively command bends by more than an encoder's step."""
+    """What an encoder shows `delay` later (s), rad: between samples the axis moves as its angles and
+    velocities say, not along a chord, from which a lively command bends it by more than an encoder's step."""
     time = np.arange(len(shown)) * PERIOD
     moved = CubicHermiteSpline(time, angle, velocity)(np.clip(time - delay, time[0], time[-1]))
     return np.asarray(moved + _shifted(shown - angle, delay), dtype=np.float64)
