@@ -111,8 +111,8 @@ def test_the_nuisance_of_the_first_falls_with_it():
 
 
 def test_a_finding_takes_the_better_fit_of_a_later_round_and_is_asked_with_that():
-    """A payload was doubted for what its own fit left: that had ended in a hollow, 600 nats below where the next
-    round began."""
+    """A payload was doubted for what its own fit left: that had ended 600 nats below where the next round
+    began."""
     learn, judge = records(PLAIN), records(PLAIN, seeds=(2,), rms=0.08)
     baseline = fit_from_scratch(STAGE, learn)
     model = STAGE.with_effects(Effect(PLAIN.effect, PLAIN.location, {"torque": 0.03}))
