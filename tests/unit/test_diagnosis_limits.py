@@ -63,7 +63,7 @@ def explained(records, effect, monkeypatch, objection, known=0.0, gain=None):
     if gain is not None:
         wider = replace(wider, log_likelihood=fit.log_likelihood + gain)
     scales = recording_scales(MODEL, [learn])
-    return held_out.judged(fit, [wider], [learn], [judge], scales, known=known)[0]
+    return held_out.judged(fit, [wider], [learn], [judge], scales, known=[known])[0]
 
 
 def test_recordings_that_do_not_reach_a_stop_do_not_object_to_it(records, monkeypatch):

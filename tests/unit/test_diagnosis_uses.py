@@ -76,7 +76,7 @@ def test_whole_recordings_are_kept_where_they_make_a_third():
 def test_a_recording_full_of_holes_is_not_cut_into_pieces_that_nothing_can_use():
     whole = recording("b", 66.0, 2)
     valid = whole.valid.copy()
-    valid[4000::400] = False
+    valid[4000::240] = False
     uses = three_uses([recording("a", 20.0)], [replace(whole, valid=valid)])
     assert names(uses.choose) == ["b"]
     assert uses.show.recordings == ()

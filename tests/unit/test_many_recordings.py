@@ -129,7 +129,7 @@ def test_a_recording_is_split_into_what_teaches_and_what_judges(tmp_path):
     assert last.start > float(first.time[-1]) and len(first) + len(last) == len(data)
     assert len(last) == pytest.approx(len(data) / 3, abs=2)
     with pytest.raises(RecordingError, match="too short"):
-        split(data.between(0.0, 2.0))
+        split(data.between(0.0, 1.4))
 
 
 def content(verdict="no_mismatch", given=95.0, left=99.0, findings=(), moved=()):

@@ -253,7 +253,7 @@ KINDS: tuple[Kind, ...] = (
         _sided(visc_change="change", visc_time="time_constant"),
         ("change",),
         ("change",),
-        most=2.35,  # damping that changes by more than its size would drive the joint
+        most=2.35,  # damping that falls by more than itself drives the joint
     ),
     Kind(
         "load_dependent_friction",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -26,10 +26,10 @@ _OF_SIMULATED_TIME: Wanted = (EVERY_QOS.reliability, EVERY_QOS.liveliness)
 class RecordedTopic:
     """Subscribes to `name`; `drain` hands each message to `receive(topic, data, received ns, published ns)`.
 
-    Before a publisher is known it subscribes best effort, which any publisher can serve; in `simulated` time
-    reliable, and to joint states with the liveliness that nodes which go by the wall do not offer (see
-    `time_base`): they are not heard. When `follow` finds that all publishers offer more or less, it changes
-    its subscription, without a gap and without taking a message twice. only: ids of processes whose messages
+    Before a publisher is known it subscribes best effort, which any publisher can serve. When `follow` finds
+    that all publishers are reliable it changes to a reliable subscription, and back, without a gap and without
+    taking a message twice. In `simulated` time it is reliable where any publisher is, and joint states of nodes
+    that go by the wall are not heard (see `EVERY_QOS`). only: ids of processes whose messages
     are taken, if not all; `foreign` counts others. A type that is not known in advance is taken from the
     publishers. `problem` is a sentence or empty; `missed` counts messages that the publishers numbered but
     that did not arrive.
@@ -85,7 +85,7 @@ class RecordedTopic:
             self.problem = (
                 f"{self.name} is also published as {', '.join(sorted(others))}, which is not recorded"
             )
-        wanted = self._served({(o.qos_profile.reliability, o.qos_profile.liveliness) for o in offers})
+        wanted = self._served([offer.qos_profile for offer in offers])
         if self._subscription is None or wanted != self._wanted:
             self._subscribe(wanted)
         elif self._boundary is not None:
@@ -107,12 +107,10 @@ class RecordedTopic:
             if published >= self._boundary:
                 self._take(data, info)
 
-    def _served(self, offers: set[Wanted]) -> Wanted:
-        """The most that all of the offers serve; in simulated time those of nodes that take part in it,
-        where there are any."""
-        if self._simulated and _OF_SIMULATED_TIME in offers:
+    def _served(self, offers: Sequence[QoSProfile]) -> Wanted:
+        if self._simulated and self.kind == JOINT_STATE:
             return _OF_SIMULATED_TIME
-        reliable = all(reliability == ReliabilityPolicy.RELIABLE for reliability, _ in offers)
+        reliable = (any if self._simulated else all)(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
         return _RELIABLE if reliable else _ANYTHING
 
     def _subscribe(self, wanted: Wanted) -> None:

@@ -27,18 +27,22 @@ LATEST_QOS = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
+    liveliness=LivelinessPolicy.AUTOMATIC,
 )
-"""In real time, of commands and of what a node hears: best effort, because a late sample is worth nothing;
-depth 10, because depth 1 loses samples at every hop under jitter (measured) and 10 adds no delay."""
+"""In real time, of commands and of what a node hears: best effort, because a late sample is worth nothing, and
+so that no robot of simulated time hears these commands; depth 10, because depth 1 loses samples at every hop
+under jitter (measured) and 10 adds no delay."""
 
 OFFERED_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
+    liveliness=LivelinessPolicy.AUTOMATIC,
 )
-"""In real time, of all that is published but commands: whoever wants every sample, as a recorder does, or
-subscribes with rclpy's default, is served, too (REP 2003). No sender ever waits for that."""
+"""In real time, of all that is published but commands (REP 2003): who subscribes with rclpy's default hears it,
+and a recorder misses nothing while it is no more than 10 samples behind. The publisher keeps its newest samples
+and does not wait (measured with a subscriber that was stopped)."""
 
 EVERY_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
@@ -51,14 +55,15 @@ EVERY_QOS = QoSProfile(
 of no meaning without a lease, is what only nodes of simulated time offer: who asks for it does not hear
 those that go by the wall."""
 
-ANY_QOS = QoSProfile(
+COMMANDS_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=4000,
+    liveliness=LivelinessPolicy.AUTOMATIC,
 )
-"""In simulated time, of the commands that a robot hears: one that goes by the wall is a fault, not
-silence."""
+"""In simulated time, of the commands that a robot hears: a node of one's own, with rclpy's default, is a fault
+there and not silence."""
 
 POLL = 0.05
 """s between two looks at the coordinator."""
@@ -150,7 +155,7 @@ class SimulatedTime:
         return EVERY_QOS
 
     def wanted(self, command: bool) -> QoSProfile:
-        return ANY_QOS if command else EVERY_QOS
+        return COMMANDS_QOS if command else EVERY_QOS
 
     def now(self) -> int:
         return ORIGIN if self.participant is None else self.participant.stamp

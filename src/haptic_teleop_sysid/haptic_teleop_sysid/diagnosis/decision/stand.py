@@ -83,9 +83,10 @@ def _spread(
     for name in names:
         chance = std.get(name, 0.0) ** 2 + std_there.get(name, 0.0) ** 2
         apart = (here[name] - elsewhere[name]) ** 2
-        # Recordings that hardly determine a size, or could not tell it from none, say nothing of its spread.
-        blind = name in neutral and abs(here[name] - neutral[name]) < std_there.get(name, 0.0)
-        varies = apart > SIGNIFICANT**2 * chance and not blind
+        # Recordings that hardly determine a size, or could not tell one like this from none, say nothing of
+        # its spread; that they want another one for certain is an objection of its own.
+        too_small = name in neutral and abs(here[name] - neutral[name]) < std_there.get(name, 0.0)
+        varies = apart > SIGNIFICANT**2 * chance and not too_small
         spread[name] = float(np.sqrt((apart - chance) / 2.0)) if varies else 0.0
     return spread
 

@@ -47,6 +47,7 @@ def joined(
     judged_twice = {(s.effect.effect, near[0].effect.location) for s in near if not _a_stamp(s.effect)}
     result = [e for e in found if (e.effect.effect, e.effect.location) not in judged_twice]
     present = {(e.effect, e.location) for e in fit.model.effects}
+    index = len(fit.model.effects)
     for s in near:
         name, location = s.effect.effect, s.effect.location
         if (name, location) in present:
@@ -58,7 +59,7 @@ def joined(
                     s.gain,
                     s.held_out,
                     material(s.effect, scales.driven(fit.model)),
-                    len(fit.model.effects),
+                    index,
                     by_current=s.gain + s.held_out,
                     std={f"{location}.{name}.{SHOWN[name]}": s.std},
                     beside=s.effect,
@@ -68,12 +69,12 @@ def joined(
         parameter = f"{location}.{name}.{SHOWN[name]}"
         fits = [_held(fit, s, parameter, lab_constant, estimation, limits)]
         fits += [e.fit for e in found if (e.effect.effect, e.effect.location) == (name, location)]
-        for e in judged(fit, fits, estimation, validation, scales, known=s.gain):
-            # What N·m of the lab's torque constant are in those of the fit.
-            unit = e.fit.model.parameters["torque_constant"] / lab_constant if _a_torque(s.effect) else 1.0
+        known = [max(_shown_here(f, index, s, lab_constant), 0.0) for f in fits]
+        for e in judged(fit, fits, estimation, validation, scales, known=known):
+            unit = _unit(e.fit, s.effect, lab_constant)
             if parameter in e.fit.free and standard_errors(e.fit).get(parameter, 0.0) > unit * s.std:
                 continue  # the currents know it better
-            here = s.value_nats(e.effect.parameters[SHOWN[name]] / unit)
+            here = _shown_here(e.fit, index, s, lab_constant)
             both = here + s.held_out
             std = {} if parameter in e.fit.free else {parameter: unit * s.std}
             result.append(
@@ -96,6 +97,17 @@ def _a_stamp(effect: Effect) -> bool:
 def _a_torque(effect: Effect) -> bool:
     """Whether what the current shows of it is a torque."""
     return effect.entry.parameter(SHOWN[effect.effect]).unit == "N*m"
+
+
+def _unit(fit: Fit, effect: Effect, lab_constant: float) -> float:
+    """What one unit of what the current shows of an effect, by the lab's torque constant, is in a fit."""
+    return fit.model.parameters["torque_constant"] / lab_constant if _a_torque(effect) else 1.0
+
+
+def _shown_here(fit: Fit, index: int, shown: Shown, lab_constant: float) -> float:
+    """Nats that the currents of the estimation recordings give at a fit's value of what they show."""
+    value = fit.model.effects[index].parameters[SHOWN[shown.effect.effect]]
+    return shown.value_nats(value / _unit(fit, shown.effect, lab_constant))
 
 
 def _held(

@@ -47,10 +47,10 @@ def judged(
     validation: Sequence[Record],
     scales: Scales,
     *,
-    known: float = 0.0,
+    known: Sequence[float] = (),
 ) -> list[Explanation]:
     """The fits to the estimation recordings as explanations beside ``fit``, best first (material ones before
-    others); ``known``: what speaks for them on these already, nats."""
+    others); ``known``: what speaks for each on these already, nats, where anything does."""
     if not fits:
         return []
     levels = [fit.noise, *(f.noise for f in fits[:_MOST_LENDING]), *noise_starts(fit.model, validation)]
@@ -71,11 +71,12 @@ def judged(
     blocks = side_by_side(lambda one: by_blocks([(one[0], estimation), (one[1], validation)]), levelled)
     alone = between[0][0]
     found = []
-    for f, there, (beside, _), own in zip(fits, after, between[1:], blocks[1:], strict=True):
+    known = known or [0.0] * len(fits)
+    for f, there, (beside, _), own, clear in zip(fits, after, between[1:], blocks[1:], known, strict=True):
         gain = f.log_likelihood - fit.log_likelihood
         held_out, reconciled_more = there.log_likelihood - before.log_likelihood, beside - alone
         loss = -(held_out + reconciled_more)
-        clear = gain + known
+        clear += gain
         slight = clear >= CLEAR_GAIN and 0.0 < loss < _BY_THE_STRUCTURE * clear
         if slight and _unreached(there, index, validation):
             held_out = reconciled_more = 0.0

@@ -14,7 +14,7 @@ from haptic_teleop_sysid.recordings.channels import STATES
 from haptic_teleop_sysid.recordings.dataset import DataSet
 
 #: Samples in a row of the shortest piece that counts: below, nothing can be said about six parameters and
-#: their noise. A log of 12 s at 30 Hz has some more.
+#: their noise. A log of 12 s at 30 Hz has 360.
 SHORTEST_STRETCH = 250
 #: Samples of all recordings together that a diagnosis keeps in memory, so that it stays below 2 GiB.
 MOST_SAMPLES = 800_000

@@ -23,23 +23,17 @@ def fitted_further(
     validation: Sequence[Record],
     scales: Scales,
 ) -> list[Choice]:
-    """The choices, the last one with ``fit``, the same effects fitted further, where it gains more than what
-    recordings need to tell two fits apart; ``baseline``: the structure without any of them. What the tests
-    of a name ask is then asked of the fit that is reported."""
+    """The choices, the last one with ``fit``, the same effects fitted further, where that gains more than what
+    recordings need to tell two fits apart and more on both kinds together; ``baseline``: the structure without
+    any of them. The tests of a name are then made with the fit that is reported; its confidence stays that of
+    its round. What the currents show keeps its fit, whose size is theirs."""
     *first, last = choices
     old = last.chosen
-    if not fit.log_likelihood > old.fit.log_likelihood + CANNOT_TELL:
+    if old.by_current > 0.0 or not fit.log_likelihood > old.fit.log_likelihood + CANNOT_TELL:
         return list(choices)
     before = first[-1].chosen.fit if first else baseline
-    both = {id(e.fit): e for e in judged(before, [old.fit, fit], estimation, validation, scales)}
-    was, now = both[id(old.fit)], both[id(fit)]
-    chosen = replace(
-        old,
-        fit=fit,
-        gain=old.gain + now.gain - was.gain,
-        held_out=old.held_out + now.held_out - was.held_out,
-        reconciled=old.reconciled + now.reconciled - was.reconciled,
-        material=now.material,
-        gains=now.gains,
-    )
-    return [*first, replace(last, chosen=chosen)]
+    found = judged(before, [old.fit, fit], estimation, validation, scales)
+    was, now = sorted(found, key=lambda e: e.fit is fit)
+    if not now.score > was.score:
+        return list(choices)
+    return [*first, replace(last, chosen=now)]
