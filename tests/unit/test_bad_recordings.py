@@ -378,7 +378,7 @@ def test_rounding_of_a_huge_angle_is_no_motion(data):
 
 
 def test_two_hundred_samples_are_refused_with_what_is_needed():
-    with pytest.raises(RecordingError, match="200 samples without a hole; .* at least 250 in a row"):
+    with pytest.raises(RecordingError, match=r"200 samples without a hole; .* at least 250 in a row"):
         records_of([loaded(seconds=0.4)])
 
 

@@ -131,7 +131,8 @@ def test_a_finding_takes_the_better_fit_of_a_later_round_and_is_asked_with_that(
     assert found.chosen.fit is ended and found.chosen.effect.values["torque"] == pytest.approx(0.1, rel=0.1)
     assert found.chosen.gain == pytest.approx(ended.log_likelihood - baseline.log_likelihood)
     assert found.chosen.held_out > 30.0
-    nearly = Choice(replace(choice.chosen, fit=replace(ended, log_likelihood=ended.log_likelihood - 4.0)), 1.0)
+    hardly_less = replace(ended, log_likelihood=ended.log_likelihood - 4.0)
+    nearly = Choice(replace(choice.chosen, fit=hardly_less), 1.0)
     assert further(nearly) == nearly
     # Other recordings may lose more than these gain.
     model = ended.model.with_values({"stage1_arm.coulomb_friction.torque": 0.3})

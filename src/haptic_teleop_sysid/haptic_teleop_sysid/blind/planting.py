@@ -126,7 +126,7 @@ def run(
 
 
 def _shifted(values: Array, delay: float) -> Array:
-    """Values that change evenly from sample to sample, or means of what was held over each, `delay` later (s)."""
+    """Values that change evenly from sample to sample, or means of what is held, `delay` later (s)."""
     time = np.arange(len(values)) * PERIOD
     return np.interp(time - delay, time, values)
 

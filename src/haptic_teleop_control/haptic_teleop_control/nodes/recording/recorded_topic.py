@@ -27,9 +27,9 @@ class RecordedTopic:
     """Subscribes to `name`; `drain` hands each message to `receive(topic, data, received ns, published ns)`.
 
     Before a publisher is known it subscribes best effort, which any publisher can serve. When `follow` finds
-    that all publishers are reliable it changes to a reliable subscription, and back, without a gap and without
-    taking a message twice. In `simulated` time it is reliable where any publisher is, and joint states of nodes
-    that go by the wall are not heard (see `EVERY_QOS`). only: ids of processes whose messages
+    that all publishers are reliable it changes to a reliable subscription, and back, without a gap and
+    without taking a message twice. In `simulated` time it is reliable where any publisher is, and joint
+    states of nodes that go by the wall are not heard (see `EVERY_QOS`). only: ids of processes whose messages
     are taken, if not all; `foreign` counts others. A type that is not known in advance is taken from the
     publishers. `problem` is a sentence or empty; `missed` counts messages that the publishers numbered but
     that did not arrive.
@@ -110,7 +110,8 @@ class RecordedTopic:
     def _served(self, offers: Sequence[QoSProfile]) -> Wanted:
         if self._simulated and self.kind == JOINT_STATE:
             return _OF_SIMULATED_TIME
-        reliable = (any if self._simulated else all)(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
+        of_all = any if self._simulated else all
+        reliable = of_all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offers)
         return _RELIABLE if reliable else _ANYTHING
 
     def _subscribe(self, wanted: Wanted) -> None:

@@ -29,9 +29,9 @@ LATEST_QOS = QoSProfile(
     depth=10,
     liveliness=LivelinessPolicy.AUTOMATIC,
 )
-"""In real time, of commands and of what a node hears: best effort, because a late sample is worth nothing, and
-so that no robot of simulated time hears these commands; depth 10, because depth 1 loses samples at every hop
-under jitter (measured) and 10 adds no delay."""
+"""In real time, of commands and of what a node hears: best effort, because a late sample is worth nothing,
+and so that no robot of simulated time hears these commands; depth 10, because depth 1 loses samples at every
+hop under jitter (measured) and 10 adds no delay."""
 
 OFFERED_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
@@ -40,9 +40,9 @@ OFFERED_QOS = QoSProfile(
     depth=10,
     liveliness=LivelinessPolicy.AUTOMATIC,
 )
-"""In real time, of all that is published but commands (REP 2003): who subscribes with rclpy's default hears it,
-and a recorder misses nothing while it is no more than 10 samples behind. The publisher keeps its newest samples
-and does not wait (measured with a subscriber that was stopped)."""
+"""In real time, of all that is published but commands (REP 2003): who subscribes with rclpy's default hears
+it, and a recorder misses nothing while it is no more than 10 samples behind. The publisher keeps its newest
+samples and does not wait (measured with a subscriber that was stopped)."""
 
 EVERY_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
@@ -62,8 +62,8 @@ COMMANDS_QOS = QoSProfile(
     depth=4000,
     liveliness=LivelinessPolicy.AUTOMATIC,
 )
-"""In simulated time, of the commands that a robot hears: a node of one's own, with rclpy's default, is a fault
-there and not silence."""
+"""In simulated time, of the commands that a robot hears: a node of one's own, with rclpy's default, is a
+fault there and not silence."""
 
 POLL = 0.05
 """s between two looks at the coordinator."""

@@ -23,10 +23,10 @@ def fitted_further(
     validation: Sequence[Record],
     scales: Scales,
 ) -> list[Choice]:
-    """The choices, the last one with ``fit``, the same effects fitted further, where that gains more than what
-    recordings need to tell two fits apart and more on both kinds together; ``baseline``: the structure without
-    any of them. The tests of a name are then made with the fit that is reported; its confidence stays that of
-    its round. What the currents show keeps its fit, whose size is theirs."""
+    """The choices, the last one with ``fit``, the same effects fitted further, where that gains more than
+    recordings need to tell two fits apart, and more on both kinds together; ``baseline``: the structure
+    without any of them. The tests of a name are then made with the fit that is reported; its confidence stays
+    that of its round. What the currents show keeps its fit, whose size is theirs."""
     *first, last = choices
     old = last.chosen
     if old.by_current > 0.0 or not fit.log_likelihood > old.fit.log_likelihood + CANNOT_TELL:
