@@ -22,46 +22,33 @@ from haptic_teleop_control.simulated_time.participant import Participant
 from haptic_teleop_control.simulated_time.runs import own_run
 from haptic_teleop_control.simulated_time.stamps import ORIGIN
 
-LATEST_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    liveliness=LivelinessPolicy.AUTOMATIC,
-)
+
+def _stream(reliability: ReliabilityPolicy, depth: int, liveliness: LivelinessPolicy) -> QoSProfile:
+    return QoSProfile(
+        reliability=reliability,
+        durability=DurabilityPolicy.VOLATILE,
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        liveliness=liveliness,
+    )
+
+
+LATEST_QOS = _stream(ReliabilityPolicy.BEST_EFFORT, 10, LivelinessPolicy.AUTOMATIC)
 """In real time, of commands and of what a node hears: best effort, because a late sample is worth nothing,
 and so that no robot of simulated time hears these commands; depth 10, because depth 1 loses samples at every
 hop under jitter (measured) and 10 adds no delay."""
 
-OFFERED_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    liveliness=LivelinessPolicy.AUTOMATIC,
-)
+OFFERED_QOS = _stream(ReliabilityPolicy.RELIABLE, 10, LivelinessPolicy.AUTOMATIC)
 """In real time, of all that is published but commands (REP 2003): who subscribes with rclpy's default hears
 it, and a recorder misses nothing while it is no more than 10 samples behind. The publisher keeps its newest
 samples and does not wait (measured with a subscriber that was stopped)."""
 
-EVERY_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=4000,
-    liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-)
+EVERY_QOS = _stream(ReliabilityPolicy.RELIABLE, 4000, LivelinessPolicy.MANUAL_BY_TOPIC)
 """In simulated time: nothing may be lost, and a recorder may be some hundred samples behind. The liveliness,
 of no meaning without a lease, is what only nodes of simulated time offer: who asks for it does not hear
 those that go by the wall."""
 
-COMMANDS_QOS = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-    history=HistoryPolicy.KEEP_LAST,
-    depth=4000,
-    liveliness=LivelinessPolicy.AUTOMATIC,
-)
+COMMANDS_QOS = _stream(ReliabilityPolicy.RELIABLE, 4000, LivelinessPolicy.AUTOMATIC)
 """In simulated time, of the commands that a robot hears: a node of one's own, with rclpy's default, is a
 fault there and not silence."""
 
